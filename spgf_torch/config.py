@@ -1,0 +1,312 @@
+"""Typed settings of every room, their ranges, and the wording of what is wrong with them.
+
+The values live in `conf/` (one YAML file a room, each value with its reason); the dataclasses here give
+each key a type and a range. `settings(FeatureConfig)` reads a room's defaults without Hydra.
+
+Lengths are metres, masses kilograms, times seconds; angles are degrees in settings (and only there).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from omegaconf import MISSING, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+GRASP_TYPES = ("NPG", "WPG")
+CLASSES = ("containers", "boxes", "curved")
+
+T = TypeVar("T")
+
+
+class InputError(Exception):
+    """Something the user gave cannot be used: one line that names it, what was expected and what was got."""
+
+
+def bounded(low: float, high: float) -> Any:
+    """A required number within [low, high]."""
+    return field(default=MISSING, metadata={"range": (low, high)})
+
+
+def choice(*options: str) -> Any:
+    """A required word, one of `options`."""
+    return field(default=MISSING, metadata={"choice": options})
+
+
+def text(default: Any = MISSING) -> Any:
+    """A string or path; its meaning is checked where it is used."""
+    return field(default=default)
+
+
+@dataclass
+class SensingConfig:
+    """Simulated RGB-D cameras on a circle around the object, their noise, and texlet extraction."""
+
+    cameras: int = bounded(1, 64)
+    distance: float = bounded(0.1, 5.0)
+    elevation_deg: float = bounded(-89.0, 89.0)
+    azimuth_deg: float = bounded(-360.0, 360.0)
+    width: int = bounded(16, 4096)
+    height: int = bounded(16, 4096)
+    focal: float = bounded(1.0, 10000.0)
+    axial_base: float = bounded(0.0, 0.1)
+    axial_quadratic: float = bounded(0.0, 1.0)
+    axial_nearest: float = bounded(0.0, 5.0)
+    lateral_px: float = bounded(0.0, 10.0)
+    disparity_step_px: float = bounded(0.0, 2.0)
+    baseline: float = bounded(0.001, 1.0)
+    flying_px: float = bounded(0.0, 5.0)
+    grazing_deg: float = bounded(1.0, 90.0)
+    window: int = bounded(3, 15)
+    depth_gate: float = bounded(0.0005, 0.1)
+    spacing: float = bounded(0.0005, 0.05)
+    rival_deg: float = bounded(1.0, 180.0)
+    min_members: int = bounded(1, 100)
+
+
+@dataclass
+class FeatureConfig:
+    """The Sliced Pineapple Grid Feature (paper, section 3.1)."""
+
+    radius: float = bounded(0.001, 1.0)
+    cells: int = bounded(4, 360)
+    half_length: int = bounded(0, 180)
+    alignment: str = choice("argmax", "soft", "random")
+
+
+@dataclass
+class PrototypeConfig:
+    """k-means of the relational parts (paper, section 3.2)."""
+
+    num_clusters: int = bounded(1, 1000)
+    restarts: int = bounded(1, 1000)
+    subsample: int = bounded(100, 10_000_000)
+    batch_size: int = bounded(1, 1_000_000)
+    epochs: int = bounded(1, 1000)
+    refine_steps: int = bounded(0, 10_000)
+    tolerance: float = bounded(0.0, 1.0)
+
+
+@dataclass
+class AffordanceConfig:
+    """Shape-grasp particles, neighbourhood analysis, condensation, voting (paper, section 3.4)."""
+
+    reach: float = bounded(0.005, 0.5)
+    voxel: float = bounded(0.001, 0.1)
+    rotation_deg: float = bounded(5.0, 90.0)
+    kernel: float = bounded(0.0, 0.1)
+    kernel_deg: float = bounded(0.0, 90.0)
+    min_support: float = bounded(0.0, 1e6)
+    shrinkage: float = bounded(0.0, 1e6)
+    learn_features: int = bounded(1, 1_000_000)
+    vote_features: int = bounded(1, 1_000_000)
+
+
+@dataclass
+class FingerConfig:
+    """One finger of the hand: the link that carries its pad and the joints that close it."""
+
+    pad_link: str = text()
+    proximal: str = text()
+    distal: str = text()
+
+
+@dataclass
+class HandConfig:
+    """A gripper: a URDF and the roles of its joints (frames: palm z out of the palm; TCP +z approach, +x closing)."""
+
+    name: str = text()
+    urdf: str = text()
+    base_link: str = text()
+    fingers: list[FingerConfig] = field(default_factory=list)
+    fixed: dict[str, float] = field(default_factory=dict)
+    openings: dict[str, float] = field(default_factory=dict)
+    pad_height: float = bounded(0.0, 0.5)
+    proximal_stiffness: float = bounded(0.0, 1e5)
+    proximal_damping: float = bounded(0.0, 1e4)
+    proximal_limit: float = bounded(0.0, 1e4)
+    closing_torque: float = bounded(0.0, 1e4)
+    closing_speed: float = bounded(0.001, 100.0)
+    distal_stiffness: float = bounded(0.0, 1e5)
+    distal_damping: float = bounded(0.0, 1e4)
+    distal_limit: float = bounded(0.0, 1e4)
+
+
+@dataclass
+class SamplerConfig:
+    """Candidate grasps on an object's surface (SIMULATION.md, Candidates)."""
+
+    jitter_deg: float = bounded(0.0, 90.0)
+    jitter: float = bounded(0.0, 0.1)
+
+
+@dataclass
+class EpisodeConfig:
+    """One simulated grasp: solver, phases, success rule (SIMULATION.md)."""
+
+    dt: float = bounded(1e-5, 0.02)
+    position_iterations: int = bounded(1, 255)
+    velocity_iterations: int = bounded(1, 255)
+    contact_offset: float = bounded(1e-5, 0.05)
+    friction: float = bounded(0.0, 5.0)
+    depenetration: float = bounded(0.01, 100.0)
+    damping: float = bounded(0.0, 100.0)
+    close_time: float = bounded(0.01, 10.0)
+    stall_window: float = bounded(0.002, 1.0)
+    stall_motion: float = bounded(0.0, 0.1)
+    settle_time: float = bounded(0.0, 10.0)
+    hold_time: float = bounded(0.0, 10.0)
+    hold_acceleration: float = bounded(0.0, 100.0)
+    shake_time: float = bounded(0.0, 10.0)
+    shake_acceleration: float = bounded(0.0, 100.0)
+    gravity: float = bounded(0.0, 100.0)
+    max_slip: float = bounded(0.0, 1.0)
+    max_rotation_deg: float = bounded(0.0, 180.0)
+
+
+@dataclass
+class CollisionConfig:
+    """Collision pieces of a scanned mesh: every face of a simplified mesh, extruded inwards."""
+
+    faces: int = bounded(20, 20_000)
+    thickness: float = bounded(0.0002, 0.05)
+    volume_tolerance: float = bounded(0.0, 1.0)
+    free_space_kept: float = bounded(0.0, 1.0)
+    density: float = bounded(1.0, 20_000.0)
+    max_extent: float = bounded(0.01, 100.0)
+
+
+@dataclass
+class TrainConfig:
+    """`python -m spgf_torch.train`: the paper's experiment."""
+
+    K: int = bounded(1, 1000)
+    N: int = bounded(1, 1000)
+    folds: int = bounded(2, 50)
+    seed: int = bounded(0, 2**31 - 1)
+    ranking: str = choice("paper", "log_odds")
+    bootstrap: int = bounded(100, 1_000_000)
+    objects: str = text()
+    trials: str = text()
+    device: str = text()
+    workers: int = bounded(0, 1024)
+    sensing: SensingConfig = field(default_factory=SensingConfig)
+    features: FeatureConfig = field(default_factory=FeatureConfig)
+    prototypes: PrototypeConfig = field(default_factory=PrototypeConfig)
+    affordance: AffordanceConfig = field(default_factory=AffordanceConfig)
+    hand: HandConfig = field(default_factory=HandConfig)
+    sampler: SamplerConfig = field(default_factory=SamplerConfig)
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+
+
+@dataclass
+class SimulateConfig:
+    """`python -m spgf_torch.simulate`: the trial table."""
+
+    objects: str = text()
+    candidates: int = bounded(1, 10_000_000)
+    out: str | None = text()
+    seed: int = bounded(0, 2**31 - 1)
+    workers: int = bounded(0, 1024)
+    unit: str = choice("m", "cm", "mm")
+    hand: HandConfig = field(default_factory=HandConfig)
+    sampler: SamplerConfig = field(default_factory=SamplerConfig)
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    collision: CollisionConfig = field(default_factory=CollisionConfig)
+
+
+@dataclass
+class EvaluateConfig:
+    """`python -m spgf_torch.evaluate`: the model's best grasps on a folder of meshes, executed."""
+
+    objects: str = text()
+    model: str = text()
+    N: int = bounded(1, 1000)
+    candidates: int = bounded(1, 10_000_000)
+    random_trials: int = bounded(1, 1_000_000)
+    ranking: str = choice("paper", "log_odds")
+    bootstrap: int = bounded(100, 1_000_000)
+    seed: int = bounded(0, 2**31 - 1)
+    workers: int = bounded(0, 1024)
+    unit: str = choice("m", "cm", "mm")
+    device: str = text()
+    sensing: SensingConfig = field(default_factory=SensingConfig)
+    hand: HandConfig = field(default_factory=HandConfig)
+    sampler: SamplerConfig = field(default_factory=SamplerConfig)
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    collision: CollisionConfig = field(default_factory=CollisionConfig)
+
+
+# Where each room's default values stand, below conf/.
+DEFAULTS: dict[type, str] = {
+    SensingConfig: "sensing/four_cameras.yaml",
+    FeatureConfig: "features/spgf.yaml",
+    PrototypeConfig: "prototypes/minibatch.yaml",
+    AffordanceConfig: "affordance/lattice.yaml",
+    HandConfig: "hand/sdh2.yaml",
+    SamplerConfig: "sampler/surface_pairs.yaml",
+    EpisodeConfig: "episode/pinch.yaml",
+    CollisionConfig: "collision/shell.yaml",
+}
+
+
+def root() -> Path:
+    """The folder that holds `conf` and `data`: the package's own copy in a wheel, else the repository."""
+    packaged = Path(__file__).parent / "_shipped"
+    return packaged if packaged.is_dir() else Path(__file__).parent.parent
+
+
+def find(path: str | Path) -> Path:
+    """`path` as given if it exists (relative to the working folder), else below `root()`."""
+    given = Path(path).expanduser()
+    shipped = root() / given
+    return shipped if not given.exists() and shipped.exists() else given
+
+
+def settings(kind: type[T], **changes: Any) -> T:
+    """The default settings of a room, read from `conf/` without Hydra, with `changes` applied."""
+    return typed(kind, {**_plain(OmegaConf.load(root() / "conf" / DEFAULTS[kind])), **changes})
+
+
+def typed(kind: type[T], values: Any) -> T:
+    """`values` (a mapping) as an instance of the dataclass `kind`.
+
+    Raises InputError in one line for a key that does not exist, a wrong type or a number out of range.
+    """
+    try:
+        merged = OmegaConf.merge(OmegaConf.structured(kind), OmegaConf.create(_plain(values)))
+        result = OmegaConf.to_object(merged)
+    except OmegaConfBaseException as error:
+        raise InputError(_one_line(error)) from None
+    _check(result, "")
+    return result  # type: ignore[return-value]
+
+
+def plain(config: Any) -> dict[str, Any]:
+    """A settings dataclass as nested dicts and lists of plain Python values."""
+    return _plain(OmegaConf.structured(config))
+
+
+def _plain(values: Any) -> Any:
+    return OmegaConf.to_container(values, resolve=True) if OmegaConf.is_config(values) else values
+
+
+def _one_line(error: OmegaConfBaseException) -> str:
+    message = str(error.msg or error).splitlines()[0].strip()
+    key = getattr(error, "full_key", None)
+    return f"{key}: {message}" if key and str(key) not in message else message
+
+
+def _check(config: Any, prefix: str) -> None:
+    for entry in fields(config):
+        value, name = getattr(config, entry.name), prefix + entry.name
+        if is_dataclass(value):
+            _check(value, name + ".")
+        elif "range" in entry.metadata:
+            low, high = entry.metadata["range"]
+            if not low <= value <= high:
+                raise InputError(f"{name}: expected a number from {low:g} to {high:g}, got {value}")
+        elif "choice" in entry.metadata and value not in entry.metadata["choice"]:
+            raise InputError(f"{name}: expected one of {', '.join(entry.metadata['choice'])}; got {value}")
