@@ -54,13 +54,16 @@ class SensingConfig:
     axial_base: float = bounded(0.0, 0.1)
     axial_quadratic: float = bounded(0.0, 1.0)
     axial_nearest: float = bounded(0.0, 5.0)
+    axial_grazing: float = bounded(0.0, 0.1)
     lateral_px: float = bounded(0.0, 10.0)
     disparity_step_px: float = bounded(0.0, 2.0)
     baseline: float = bounded(0.001, 1.0)
-    flying_px: float = bounded(0.0, 5.0)
+    flying_px: float = bounded(0.0, 1.0)
+    edge_depth: float = bounded(0.0, 1.0)
     grazing_deg: float = bounded(1.0, 90.0)
     window: int = bounded(3, 15)
     depth_gate: float = bounded(0.0005, 0.1)
+    min_window: int = bounded(3, 225)
     spacing: float = bounded(0.0005, 0.05)
     rival_deg: float = bounded(1.0, 180.0)
     min_members: int = bounded(1, 100)
@@ -74,6 +77,8 @@ class FeatureConfig:
     cells: int = bounded(4, 360)
     half_length: int = bounded(0, 180)
     alignment: str = choice("argmax", "soft", "random")
+    layers: int = bounded(1, 2)
+    gaps: str = choice("saturated", "flat")
 
 
 @dataclass
@@ -100,17 +105,20 @@ class AffordanceConfig:
     kernel_deg: float = bounded(0.0, 90.0)
     min_support: float = bounded(0.0, 1e6)
     shrinkage: float = bounded(0.0, 1e6)
-    learn_features: int = bounded(1, 1_000_000)
-    vote_features: int = bounded(1, 1_000_000)
+    features_per_object: int = bounded(1, 1_000_000)
 
 
 @dataclass
 class FingerConfig:
-    """One finger of the hand: the link that carries its pad and the joints that close it."""
+    """One finger of the hand: its pad (a point of `pad_link`'s closing face, in that link's frame, m) and its joints.
+
+    `proximal` closes the finger; `distal`, where there is one, turns against it so that the pads stay parallel.
+    """
 
     pad_link: str = text()
+    pad: list[float] = field(default_factory=list)
     proximal: str = text()
-    distal: str = text()
+    distal: str = text("")
 
 
 @dataclass
@@ -121,9 +129,8 @@ class HandConfig:
     urdf: str = text()
     base_link: str = text()
     fingers: list[FingerConfig] = field(default_factory=list)
-    fixed: dict[str, float] = field(default_factory=dict)
+    fixed_deg: dict[str, float] = field(default_factory=dict)
     openings: dict[str, float] = field(default_factory=dict)
-    pad_height: float = bounded(0.0, 0.5)
     proximal_stiffness: float = bounded(0.0, 1e5)
     proximal_damping: float = bounded(0.0, 1e4)
     proximal_limit: float = bounded(0.0, 1e4)

@@ -1,0 +1,127 @@
+"""What all doors share: Hydra composition, run folders, progress, and one line with status 2 for bad input."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+from hydra import main as hydra_main
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from .config import InputError, plain, root, typed
+
+T = TypeVar("T")
+console = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
+    """Compose `conf/<command>.yaml` with the command line, check it against `kind`, and call `run(config, folder)`.
+
+    `folder` is a fresh `outputs/<command>/<date-time>_<what varies>/`; `outputs/<command>/latest` points at it once
+    `run` has returned. Exit status: 0 done, 2 unusable input (one line, no folder left), 130 interrupted.
+    """
+    os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # let errors reach us: Hydra's own report spans many lines
+    OmegaConf.register_new_resolver("slug", slug, replace=True)
+    refused: list[InputError] = []
+
+    def task(composed: DictConfig) -> None:
+        try:
+            _in_run_folder(composed, kind, run)
+        except InputError as error:
+            if HydraConfig.get().mode == RunMode.MULTIRUN:
+                raise  # Hydra reports the job and goes on with the others
+            refused.append(error)  # a single run's error is told below, without Hydra's extra line
+
+    try:
+        hydra_main(version_base="1.3", config_path=str(root() / "conf"), config_name=command)(task)()
+        for error in refused:
+            raise error
+    except (InputError, HydraException, OmegaConfBaseException) as error:
+        fail(command, error)
+    except KeyboardInterrupt:
+        console.print(f"{command}: interrupted")
+        sys.exit(130)
+
+
+def fail(command: str, error: Exception) -> None:
+    """Say what is wrong with the input in one line and leave with status 2."""
+    lines = [line.strip() for line in str(error).splitlines()]
+    words = [line for line in lines if line and not line.startswith(("full_key:", "object_type=", "reference_type"))]
+    print(f"{command}: {' '.join(words)}", file=sys.stderr)
+    sys.exit(2)
+
+
+def slug(overrides: str) -> str:
+    """What varies in a run as part of a folder's name: `K=20,seed=1` stays, slashes and blanks become `-`."""
+    kept = "".join(c if c.isalnum() or c in "=.,+-_" else "-" for c in overrides)
+    return ("_" + kept.lstrip("+-.")[:80]) if kept else ""
+
+
+def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path], None]) -> None:
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    try:
+        config = typed(kind, _without_missing_k(composed))
+        (folder / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.create(plain(config))))
+        run(config, folder)
+    except BaseException:
+        if not (folder / "results.json").exists():
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+    point_latest(folder)
+
+
+def _without_missing_k(composed: DictConfig) -> dict[str, Any]:
+    """The composed values; `K`, where the user named none, is the prototype room's default."""
+    values: dict[str, Any] = OmegaConf.to_container(composed, resolve=True)  # type: ignore[assignment]
+    if values.get("K") == "???":
+        values["K"] = values["prototypes"]["num_clusters"]
+    return values
+
+
+def point_latest(folder: Path) -> None:
+    """Point `latest` beside `folder` at it, in one step."""
+    link = folder.parent / f".latest-{os.getpid()}"
+    link.unlink(missing_ok=True)
+    link.symlink_to(folder.name)
+    link.replace(folder.parent / "latest")
+
+
+class Stages:
+    """Progress on stderr: a bar with an estimate in a terminal, a line at each stage's end elsewhere.
+
+    `seconds` holds the wall time of every stage so far.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str, total: int) -> Iterator[Callable[[], None]]:
+        """Run a stage of `total` steps; the yielded function advances it by one."""
+        start = time.perf_counter()
+        columns = (
+            TextColumn("{task.description:12}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+        )
+        with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+            task = progress.add_task(name, total=total)
+            yield lambda: progress.advance(task)
+        taken = time.perf_counter() - start
+        self.seconds[name] = self.seconds.get(name, 0.0) + taken
+        console.print(f"{name:12} {total:6d} done in {taken:6.1f} s")

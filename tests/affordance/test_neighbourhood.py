@@ -1,0 +1,223 @@
+"""Neighbourhood analysis, condensation, votes and rankings against loops that follow the definitions."""
+
+import math
+
+import pytest
+import torch
+
+from spgf_torch.affordance import model as affordance
+from spgf_torch.affordance.lattice import Kernel, Lattice, gaussian_kernel
+from spgf_torch.affordance.neighbourhood import Condensed, condense
+from spgf_torch.affordance.particles import Particles, pairs_within
+from spgf_torch.affordance.ranking import RANKINGS, UNSUPPORTED, log_odds_scores, mean_probability, paper_scores
+from spgf_torch.affordance.voting import NO_POINT, Votes, VotingIndex, cast_votes
+from spgf_torch.config import AffordanceConfig, InputError, settings
+from spgf_torch.geometry import se3
+
+LATTICE = Lattice(reach=0.03, voxel=0.01, rotation_deg=60.0)
+PROTOTYPES = 3
+
+
+def random_particles(n: int, generator: torch.Generator) -> Particles:
+    """Particles crowded into a few cells, so that neighbourhoods overlap."""
+    direction = torch.nn.functional.normalize(torch.randn(n, 3, generator=generator), dim=1)
+    quaternion = torch.nn.functional.normalize(
+        torch.tensor([1.0, 0, 0, 0]) + 0.3 * torch.randn(n, 4, generator=generator), dim=1
+    )
+    cell = LATTICE.index(direction * 0.012, quaternion)
+    prototype = torch.randint(PROTOTYPES, (n,), generator=generator)
+    return Particles(
+        prototype,
+        torch.randint(2, (n,), generator=generator),
+        cell,
+        torch.rand(n, generator=generator) < 0.3,
+    )
+
+
+def loop_condense(particles: Particles, kernel_mm: float, kernel_deg: float, min_support: float) -> dict:
+    """The definition in float64: for every populated point, all particles of its id and type, weighted."""
+    points = {}
+    position, quaternion = (t.double() for t in LATTICE.centres(particles.cell))
+    for i in range(len(particles.cell)):
+        key = (int(particles.prototype[i]), int(particles.grasp_type[i]), int(particles.cell[i]))
+        if key in points:
+            continue
+        success = support = 0.0
+        for j in range(len(particles.cell)):
+            if (int(particles.prototype[j]), int(particles.grasp_type[j])) != key[:2]:
+                continue
+            distance = float((position[i] - position[j]).norm())
+            angle = math.degrees(2 * math.acos(min(1.0, abs(float(quaternion[i] @ quaternion[j])))))
+            if distance > 2 * kernel_mm + 1e-6 or angle > 2 * kernel_deg + 1e-4:
+                continue
+            weight = math.exp(-0.5 * (distance / kernel_mm) ** 2) * math.exp(-0.5 * (angle / kernel_deg) ** 2)
+            support += weight
+            success += weight * bool(particles.success[j])
+        if support >= min_support:
+            points[key] = (success / support, support)
+        else:
+            points[key] = None
+    return {key: value for key, value in points.items() if value is not None}
+
+
+@pytest.fixture
+def generator() -> torch.Generator:
+    return torch.Generator().manual_seed(0)
+
+
+@pytest.fixture
+def kernel() -> Kernel:
+    return gaussian_kernel(LATTICE, 0.006, 30.0)
+
+
+def test_condense_equals_the_loop(generator: torch.Generator, kernel: Kernel) -> None:
+    particles = random_particles(300, generator)
+    condensed = condense(particles, PROTOTYPES, LATTICE, kernel, 2.0)
+    expected = loop_condense(particles, 0.006, 30.0, 2.0)
+    found = {}
+    for s, cell, p, n in zip(
+        condensed.slice_of_point(), condensed.cell, condensed.probability, condensed.support, strict=True
+    ):
+        found[int(s) // 2, int(s) % 2, int(cell)] = (float(p), float(n))
+    assert 20 < len(expected) < 300
+    assert found.keys() == expected.keys()
+    for key, (p, n) in expected.items():
+        assert found[key] == pytest.approx((p, n), rel=2e-3)
+
+
+def test_order_of_particles_does_not_matter(generator: torch.Generator, kernel: Kernel) -> None:
+    particles = random_particles(500, generator)
+    order = torch.randperm(500, generator=generator)
+    shuffled = Particles(*(getattr(particles, n)[order] for n in ("prototype", "grasp_type", "cell", "success")))
+    a, b = (condense(p, PROTOTYPES, LATTICE, kernel, 1.0) for p in (particles, shuffled))
+    for name in ("slice_start", "cell", "probability", "support", "base_rate"):
+        assert torch.equal(getattr(a, name), getattr(b, name))
+
+
+def test_four_particles_by_hand() -> None:
+    """No smoothing: two cells of prototype 0, NPG. Cell a: 2 successes of 3; cell b: 1 particle, not significant."""
+    kernel = gaussian_kernel(LATTICE, 0.0, 0.0)
+    cell = LATTICE.index(torch.tensor([[0.0, 0, 0]] * 3 + [[0.02, 0, 0]]), torch.tensor([[1.0, 0, 0, 0]] * 4))
+    zero = torch.zeros(4, dtype=torch.long)
+    particles = Particles(zero, zero, cell, torch.tensor([True, False, True, True]))
+    condensed = condense(particles, 1, LATTICE, kernel, min_support=2)
+    assert condensed.cell.tolist() == [int(cell[0])]
+    assert condensed.probability.tolist() == pytest.approx([2 / 3])
+    assert condensed.support.tolist() == [3.0]
+    assert condensed.base_rate.tolist() == pytest.approx([0.75, 0.0])
+
+
+def test_pairs_within_gives_relative_poses(generator: torch.Generator) -> None:
+    features, grasps = (se3.random_poses(40, generator) for _ in range(2))
+    pairs = pairs_within(features, grasps, reach=0.9)
+    expected = [(f, g) for f in range(40) for g in range(40) if (features[f, :3, 3] - grasps[g, :3, 3]).norm() <= 0.9]
+    assert list(zip(pairs.feature.tolist(), pairs.grasp.tolist(), strict=True)) == expected
+    T_feature_grasp = se3.inverse(features[pairs.feature]) @ grasps[pairs.grasp]
+    assert torch.allclose(se3.pose(pairs.position, pairs.quaternion), T_feature_grasp, atol=1e-5)
+
+
+def test_pairs_are_the_same_in_any_frame(generator: torch.Generator) -> None:
+    features, grasps = (se3.random_poses(30, generator) for _ in range(2))
+    moved = se3.random_poses(1, generator)
+    a, b = pairs_within(features, grasps, 0.8), pairs_within(moved @ features, moved @ grasps, 0.8)
+    assert torch.equal(a.feature, b.feature) and torch.allclose(a.position, b.position, atol=1e-5)
+
+
+def test_votes_equal_brute_force(generator: torch.Generator, kernel: Kernel) -> None:
+    condensed = condense(random_particles(400, generator), PROTOTYPES, LATTICE, kernel, 2.0)
+    asked = random_particles(300, generator)
+    slice_ = asked.prototype * 2 + asked.grasp_type
+    found = VotingIndex(condensed, LATTICE).find(slice_, asked.cell)
+    keys = list(zip(condensed.slice_of_point().tolist(), condensed.cell.tolist(), strict=True))
+    expected = [
+        keys.index(key) if key in keys else NO_POINT for key in zip(slice_.tolist(), asked.cell.tolist(), strict=True)
+    ]
+    assert found.tolist() == expected
+    assert NO_POINT in expected and max(expected) > 0
+
+
+def hand_made() -> tuple[Condensed, Votes, torch.Tensor]:
+    """Two points: P = 0.8 with support 30 and P = 0.1 with support 10; base rates 0.1 (NPG) and 0.5 (WPG)."""
+    condensed = Condensed(
+        torch.tensor([0, 1, 2]),
+        torch.tensor([5, 7]),
+        torch.tensor([0.8, 0.1]),
+        torch.tensor([30.0, 10.0]),
+        torch.tensor([0.1, 0.5]),
+    )
+    votes = Votes(torch.tensor([0, 0, 1]), torch.tensor([0, 0, 0]), torch.tensor([0, 1, 0]))
+    return condensed, votes, torch.tensor([0, 1, 1])
+
+
+def test_paper_ranking_by_hand() -> None:
+    condensed, votes, grasp_type = hand_made()
+    assert paper_scores(votes, condensed, grasp_type, 0.0).tolist() == pytest.approx([0.9, 0.8, UNSUPPORTED])
+    assert mean_probability(votes, condensed, 3).tolist() == pytest.approx([0.45, 0.8, 0.0])
+
+
+def test_log_odds_ranking_by_hand() -> None:
+    """Shrinkage 10, NPG (base 0.1): (0.8*30 + 0.1*10)/40 = 0.625 and 0.1; WPG (base 0.5): (24 + 5)/40 = 0.725."""
+    condensed, votes, grasp_type = hand_made()
+    logit = lambda p: math.log(p / (1 - p))  # noqa: E731
+    first = (logit(0.625) - logit(0.1) + 0.0) / 2
+    expected = [first, logit(0.725) - logit(0.5), UNSUPPORTED]
+    assert log_odds_scores(votes, condensed, grasp_type, 10.0).tolist() == pytest.approx(expected, rel=1e-4)
+
+
+def test_an_empty_model_supports_nothing() -> None:
+    empty = torch.zeros(0)
+    condensed = Condensed(torch.zeros(7, dtype=torch.long), empty.long(), empty, empty, torch.zeros(2))
+    one = torch.zeros(1, dtype=torch.long)
+    votes = cast_votes(VotingIndex(condensed, LATTICE), one, one, one, one)
+    for rank in RANKINGS.values():
+        assert rank(votes, condensed, one, 1.0).tolist() == [UNSUPPORTED]
+
+
+@pytest.fixture
+def model(generator: torch.Generator) -> affordance.GraspModel:
+    config = settings(AffordanceConfig, reach=0.03, rotation_deg=60, min_support=1, features_per_object=20)
+    features, grasps = (se3.random_poses(50, generator) for _ in range(2))
+    for T in (features, grasps):
+        T[:, :3, 3] *= 0.01
+    grasp_type = torch.arange(50) % 2
+    pairs = affordance.cell_pairs(features, grasps, grasp_type, config, generator)
+    assert pairs.feature.unique().numel() == 20
+    ids = torch.randint(4, (50,), generator=generator)
+    return affordance.learn([(pairs, ids, torch.rand(50, generator=generator) < 0.5)], torch.rand(4, 144), config)
+
+
+def test_model_round_trip(model: affordance.GraspModel, tmp_path) -> None:
+    affordance.save_model(model, tmp_path)
+    back = affordance.load_model(tmp_path)
+    assert back.lattice == model.lattice and torch.equal(back.centres, model.centres)
+    for name in ("slice_start", "cell", "probability", "support", "base_rate"):
+        assert torch.equal(getattr(back.condensed, name), getattr(model.condensed, name))
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "says"),
+    [
+        ("model.json", None, "found no such file"),
+        ("model.json", "not json", "expected a JSON document"),
+        ("model.json", '{"format": "other"}', "expected format 'spgf_torch model'"),
+        ("model.json", "[]", "expected format"),
+        ("model.safetensors", None, "found no such file"),
+        ("model.safetensors", "cut", "expected a safetensors file"),
+    ],
+)
+def test_foreign_models_are_refused(model, tmp_path, file: str, content: str | None, says: str) -> None:
+    affordance.save_model(model, tmp_path)
+    (tmp_path / file).unlink()
+    if content is not None:
+        (tmp_path / file).write_text(content)
+    with pytest.raises(InputError, match=says) as error:
+        affordance.load_model(tmp_path)
+    assert "\n" not in str(error.value) and file in str(error.value)
+
+
+def test_a_model_cut_in_half_is_refused(model, tmp_path) -> None:
+    affordance.save_model(model, tmp_path)
+    path = tmp_path / "model.safetensors"
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(InputError, match=r"model\.safetensors"):
+        affordance.load_model(tmp_path)
