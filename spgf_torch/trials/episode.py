@@ -1,0 +1,221 @@
+"""One grasp trial in SAPIEN (design/SIMULATION.md, Hand and Sanity set). The only importer of sapien.
+
+The hand's base stands still in the object's frame (z up) and the object floats between the fingers; gravity and the
+accelerations of lifting and shaking act on the object as forces, which is the same physics in the hand's frame.
+Every trial has a scene of its own: a reused one is neither exact nor free of leaks.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from spgf_torch.config import EpisodeConfig
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.trials.hand import Hand
+
+with warnings.catch_warnings():
+    warnings.filterwarnings("ignore", message=".*libvulkan.*")
+    import sapien
+    from sapien import physx
+    from sapien.wrapper.urdf_loader import URDFLoader
+
+# The six directions of shaking, in the world.
+DIRECTIONS = np.concatenate([np.eye(3), -np.eye(3)])
+CHECK_STEPS = 10  # steps between looks at the object, so that a dropped one ends the trial early
+
+
+class Simulator:
+    """Trials of one hand on one object; what does not change between trials is cooked once."""
+
+    def __init__(self, obj: GraspObject, hand: Hand, config: EpisodeConfig) -> None:
+        self.obj, self.hand, self.config = obj, hand, config
+        _configure(config)
+        self._material = physx.PhysxMaterial(config.friction, config.friction, 0.0)
+        self._builder = _hand_builder(hand, self._material)
+        self._parts = [
+            physx.PhysxCollisionShapeConvexMesh(
+                vertices=np.asarray(part, dtype=np.float32), scale=[1, 1, 1], material=self._material
+            )
+            for part in obj.parts
+        ]
+        moments, axes = np.linalg.eigh(obj.inertia)
+        axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])  # right-handed
+        self._moments, self._cmass = moments, _pose(axes, obj.com)
+
+    def run(self, T_object_tcp: np.ndarray, grasp_type: str) -> str:
+        """The outcome of grasping at T_object_tcp (4, 4): one of `table.OUTCOMES` but "collision"."""
+        _configure(self.config)
+        return _Trial(self, np.asarray(T_object_tcp, dtype=np.float64), grasp_type).run()
+
+    def _add_object(self, scene: sapien.Scene) -> physx.PhysxRigidDynamicComponent:
+        body = physx.PhysxRigidDynamicComponent()
+        for part in self._parts:
+            body.attach(part)
+        body.mass = self.obj.mass
+        body.cmass_local_pose = self._cmass
+        body.inertia = self._moments
+        body.max_depenetration_velocity = self.config.depenetration
+        entity = sapien.Entity()
+        entity.add_component(body)
+        scene.add_entity(entity)
+        return body
+
+    def _add_hand(self, scene: sapien.Scene, T_object_base: np.ndarray) -> physx.PhysxArticulation:
+        self._builder.set_scene(scene)
+        self._builder.set_initial_pose(_pose(T_object_base[:3, :3], T_object_base[:3, 3]))
+        return self._builder.build(fix_root_link=True, build_mimic_joints=False)
+
+
+class _Trial:
+    """The phases of one trial: close, settle, hold, shake."""
+
+    def __init__(self, simulator: Simulator, T_object_tcp: np.ndarray, grasp_type: str) -> None:
+        self.config, self.hand = simulator.config, simulator.hand
+        preshape = simulator.hand.preshapes[grasp_type]
+        self.system = physx.PhysxCpuSystem()
+        self.scene = sapien.Scene([self.system])
+        self.scene.timestep = self.config.dt
+        self.object = simulator._add_object(self.scene)
+        self.mass = simulator.obj.mass
+        self.articulation = simulator._add_hand(self.scene, T_object_tcp @ np.linalg.inv(preshape.T_base_tcp))
+        self._set_joints(preshape.joints)
+        self.tcp = T_object_tcp[:3, 3]
+
+    def _set_joints(self, joints: dict[str, float]) -> None:
+        active = self.articulation.active_joints
+        names = [joint.name for joint in active]
+        config, fingers = self.hand.config, self.hand.config.fingers
+        self.proximal = [names.index(finger.proximal) for finger in fingers]
+        self.distal = [names.index(finger.distal) for finger in fingers if finger.distal]
+        self.proximal_joints = [active[index] for index in self.proximal]
+        self.distal_joints = [active[index] for index in self.distal]
+        self.pads = [self.articulation.find_link_by_name(finger.pad_link) for finger in fingers]
+        self.articulation.set_qpos([joints[name] for name in names])
+        for joint in self.proximal_joints:
+            joint.set_drive_properties(config.proximal_stiffness, config.proximal_damping, config.proximal_limit)
+        for joint in self.distal_joints:
+            joint.set_drive_properties(config.distal_stiffness, config.distal_damping, config.distal_limit)
+        for joint in active:
+            joint.set_drive_target(joints[joint.name])
+
+    def run(self) -> str:
+        self._close()
+        self._follow(self.config.settle_time)
+        if not self._held():
+            return "missed"
+        start = self._object_pose()
+        gravity = np.array([0.0, 0.0, -self.config.gravity])
+        lift = gravity - np.array([0.0, 0.0, self.config.hold_acceleration])
+        loads = [(lift, self.config.hold_time)]
+        loads += [(gravity + self.config.shake_acceleration * way, self.config.shake_time) for way in DIRECTIONS]
+        for acceleration, duration in loads:
+            failure = self._load(acceleration, duration, start)
+            if failure:
+                return failure
+        return "success" if self._held() else "dropped"
+
+    def _close(self) -> None:
+        """Run the proximal targets ahead of the joints, never back, until the fingers stand still."""
+        config, closing = self.hand.config, self.hand.closing
+        self.object.linear_damping = self.object.angular_damping = self.config.damping
+        lead, stride = config.closing_torque / config.proximal_stiffness, config.closing_speed * self.config.dt
+        window = max(1, round(self.config.stall_window / self.config.dt))
+        q = self.articulation.qpos
+        targets = [closing * float(q[index]) for index in self.proximal]
+        before, still = targets, 0
+        for step in range(1, round(self.config.close_time / self.config.dt) + 1):
+            for k, index in enumerate(self.proximal):
+                ahead = min(targets[k] + stride, closing * float(q[index]) + lead)
+                targets[k] = max(targets[k], ahead)
+                self.proximal_joints[k].set_drive_target(closing * targets[k])
+            self._turn_distal(q)
+            self.scene.step()
+            q = self.articulation.qpos
+            if step % window == 0:
+                now = [closing * float(q[index]) for index in self.proximal]
+                moved = max(abs(a - b) for a, b in zip(now, before, strict=True))
+                before, still = now, still + 1 if moved < self.config.stall_motion else 0
+                if still == 2:
+                    break
+        self.object.linear_damping = self.object.angular_damping = 0.0
+
+    def _turn_distal(self, q: np.ndarray) -> None:
+        for k, joint in enumerate(self.distal_joints):
+            joint.set_drive_target(-float(q[self.proximal[k]]))
+
+    def _follow(self, duration: float) -> None:
+        """Proximal targets frozen, distal joints still following: the grasp settles."""
+        for _ in range(round(duration / self.config.dt)):
+            self._turn_distal(self.articulation.qpos)
+            self.scene.step()
+
+    def _load(self, acceleration: np.ndarray, duration: float, start: tuple[np.ndarray, np.ndarray]) -> str | None:
+        """Accelerate the object for a while; the failure, if it moved too far in the hand."""
+        force, torque = (self.mass * acceleration).astype(np.float32), np.zeros(3, dtype=np.float32)
+        steps = round(duration / self.config.dt)
+        for step in range(1, steps + 1):
+            self.object.add_force_torque(force, torque)
+            self.scene.step()
+            if step % CHECK_STEPS == 0 or step == steps:
+                failure = self._failure(start)
+                if failure:
+                    return failure
+        return None
+
+    def _failure(self, start: tuple[np.ndarray, np.ndarray]) -> str | None:
+        (R0, p0), (R, p) = start, self._object_pose()
+        slip = np.linalg.norm(R @ (R0.T @ (self.tcp - p0)) + p - self.tcp)
+        if slip > self.config.max_slip:
+            return "slipped" if self._held() else "dropped"
+        cosine = (np.trace(R0.T @ R) - 1) / 2
+        return "rotated" if cosine < math.cos(math.radians(self.config.max_rotation_deg)) else None
+
+    def _object_pose(self) -> tuple[np.ndarray, np.ndarray]:
+        T = self.object.entity.pose.to_transformation_matrix().astype(np.float64)
+        return T[:3, :3], T[:3, 3]
+
+    def _held(self) -> bool:
+        """Whether every finger presses on the object (PhysX also lists near pairs, with zero impulse)."""
+        touching = set()
+        for contact in self.system.get_contacts():
+            bodies = contact.bodies
+            if self.object in bodies and any(np.any(point.impulse) for point in contact.points):
+                touching.update(k for k, pad in enumerate(self.pads) if pad in bodies)
+        return len(touching) == len(self.pads)
+
+
+def _configure(config: EpisodeConfig) -> None:
+    """PhysX reads these when a scene, a shape or a body is made; editing them later has no effect."""
+    physx.set_scene_config(gravity=[0, 0, 0], enable_tgs=True, enable_pcm=False, cpu_workers=0)
+    physx.set_shape_config(contact_offset=config.contact_offset, rest_offset=0.0)
+    physx.set_body_config(
+        solver_position_iterations=config.position_iterations,
+        solver_velocity_iterations=config.velocity_iterations,
+        sleep_threshold=0.0,
+    )
+
+
+def _hand_builder(hand: Hand, material: physx.PhysxMaterial) -> sapien.ArticulationBuilder:
+    """The hand's links and joints, parsed once; the joints that never move become fixed ones at their angle."""
+    loader = URDFLoader()
+    loader.set_scene(sapien.Scene([physx.PhysxCpuSystem()]))
+    (builder,), _, _ = loader.parse(str(hand.urdf))
+    for link in builder.link_builders:
+        joint = link.joint_record
+        if joint.name in hand.fixed:
+            half = hand.fixed[joint.name] / 2  # about the joint frame's x axis
+            joint.pose_in_parent = joint.pose_in_parent * sapien.Pose(q=[math.cos(half), math.sin(half), 0, 0])
+            joint.joint_type = "fixed"
+        for shape in link.collision_records:
+            shape.material = material
+    return builder
+
+
+def _pose(rotation: np.ndarray, position: np.ndarray) -> sapien.Pose:
+    quaternion = trimesh.transformations.quaternion_from_matrix(np.asarray(rotation, dtype=np.float64))  # wxyz
+    return sapien.Pose(np.asarray(position, dtype=np.float32), quaternion.astype(np.float32))

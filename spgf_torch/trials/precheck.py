@@ -1,0 +1,37 @@
+"""Does the open hand already touch the object? (FCL.) Without this PhysX would push the object out of the hand."""
+
+from __future__ import annotations
+
+import fcl
+import numpy as np
+import trimesh
+
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.trials.hand import Preshape
+
+
+class PreCheck:
+    """Surface-surface test of one open hand against one object, both as triangle trees.
+
+    Surfaces suffice: the hand is too large to lie inside a part, and a part too large to lie inside one of its links.
+    """
+
+    def __init__(self, obj: GraspObject, preshape: Preshape) -> None:
+        self._object = fcl.CollisionObject(_tree([trimesh.convex.convex_hull(part) for part in obj.parts]))
+        self._hand = fcl.CollisionObject(_tree(list(preshape.shapes)))
+        self._request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
+
+    def collides(self, T_object_tcp: np.ndarray) -> bool:
+        """Whether the open hand at T_object_tcp (4, 4) cuts the object."""
+        T = np.asarray(T_object_tcp, dtype=np.float64)
+        self._hand.setTransform(fcl.Transform(np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])))
+        return fcl.collide(self._hand, self._object, self._request, fcl.CollisionResult()) > 0
+
+
+def _tree(meshes: list[trimesh.Trimesh]) -> fcl.BVHModel:
+    mesh = trimesh.util.concatenate(meshes)
+    tree = fcl.BVHModel()
+    tree.beginModel(len(mesh.faces), len(mesh.vertices))
+    tree.addSubModel(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int32))
+    tree.endModel()
+    return tree

@@ -1,0 +1,199 @@
+"""The trial table: one Parquet file an object, what was tried and how it ended. Does not import sapien.
+
+Columns: index (int32), type and outcome (dictionaries of words), position x y z (m) and quaternion w x y z of
+T_object_tcp (float32). The file's metadata hold everything that the outcomes depend on (`Origin`).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import torch
+from torch import Tensor
+
+from spgf_torch.config import GRASP_TYPES, InputError
+from spgf_torch.geometry import se3
+
+SCHEMA = 1
+OUTCOMES = ("success", "collision", "missed", "dropped", "slipped", "rotated")
+POSITION, QUATERNION = ("x", "y", "z"), ("qw", "qx", "qy", "qz")
+KEY = b"spgf_torch.trials"  # of the metadata in the Parquet schema
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What a table was made from: two tables with equal origins hold equal rows (on one machine type).
+
+    Attributes:
+        object_name, object_digest: the object (`GraspObject.digest`).
+        hand_digest: the hand's URDF and settings (`Hand.digest`).
+        sampler, episode: the settings as plain values.
+        candidates: of each grasp type.
+        seed: of the whole set; the object's own stream follows from it and the name.
+    """
+
+    object_name: str
+    object_digest: str
+    hand_digest: str
+    sampler: dict[str, Any]
+    episode: dict[str, Any]
+    candidates: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class TrialTable:
+    """The trials on one object.
+
+    Attributes:
+        origin: what it was made from.
+        position: (M, 3) float32, m, and
+        quaternion: (M, 4) float32 wxyz of T_object_tcp.
+        grasp_type: (M,) int64, index into `config.GRASP_TYPES`.
+        outcome: (M,) int64, index into `OUTCOMES`.
+        versions: package -> version that made it.
+    """
+
+    origin: Origin
+    position: Tensor
+    quaternion: Tensor
+    grasp_type: Tensor
+    outcome: Tensor
+    versions: dict[str, str]
+
+    @property
+    def object_name(self) -> str:
+        return self.origin.object_name
+
+    @cached_property
+    def T_object_tcp(self) -> Tensor:
+        """(M, 4, 4) float32, exactly the simulated poses."""
+        return pose_matrix(self.position, self.quaternion)
+
+    @cached_property
+    def success(self) -> Tensor:
+        """(M,) bool."""
+        return self.outcome == OUTCOMES.index("success")
+
+    def __len__(self) -> int:
+        return len(self.outcome)
+
+
+def pose_matrix(position: Tensor, quaternion: Tensor) -> Tensor:
+    """T (M, 4, 4) float32 of a stored float32 position (M, 3) and quaternion (M, 4) wxyz.
+
+    The one way from a stored pose to the simulated one: the same bits in, the same bits out.
+    """
+    return se3.pose(position.double(), quaternion.double()).float()
+
+
+def table_path(folder: Path, object_name: str) -> Path:
+    """Where an object's trials stand in the folder of a table."""
+    return folder / f"{object_name}.parquet"
+
+
+def write_table(path: Path, table: TrialTable) -> None:
+    """Write `table` at once or not at all: to a temporary name, flushed to disk, then renamed."""
+    columns: dict[str, Any] = {
+        "index": np.arange(len(table), dtype=np.int32),
+        "type": _words(table.grasp_type, GRASP_TYPES),
+        **dict(zip(POSITION, table.position.numpy().T, strict=True)),
+        **dict(zip(QUATERNION, table.quaternion.numpy().T, strict=True)),
+        "outcome": _words(table.outcome, OUTCOMES),
+    }
+    about = {"schema": SCHEMA, "origin": asdict(table.origin), "versions": table.versions}
+    content = pa.table(columns).replace_schema_metadata({KEY: json.dumps(about, sort_keys=True)})
+    part = path.with_name(path.name + ".part")
+    try:
+        with part.open("wb") as file:
+            pq.write_table(content, file, compression="zstd")
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def read_table(path: Path) -> TrialTable:
+    """The table in one file.
+
+    Raises InputError for a file that is missing, truncated, or not a trial table of this schema.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: expected a trial table, got no such file (make it: python -m spgf_torch.simulate)")
+    try:
+        content = pq.read_table(path)
+    except (pa.ArrowInvalid, OSError) as error:
+        raise InputError(f"{path}: expected a trial table, got a damaged file ({_first_line(error)})") from None
+    about = json.loads((content.schema.metadata or {}).get(KEY, b"{}"))
+    if about.get("schema") != SCHEMA:
+        raise InputError(
+            f"{path}: expected a trial table of schema {SCHEMA}, got {about.get('schema', 'a foreign file')}"
+        )
+    return TrialTable(
+        origin=Origin(**about["origin"]),
+        position=_floats(content, POSITION),
+        quaternion=_floats(content, QUATERNION),
+        grasp_type=_codes(path, content, "type", GRASP_TYPES),
+        outcome=_codes(path, content, "outcome", OUTCOMES),
+        versions=about["versions"],
+    )
+
+
+def read_tables(folder: Path, expected: Iterable[Origin]) -> list[TrialTable]:
+    """The tables of `expected`, in its order.
+
+    Raises InputError where one is missing or damaged or was made from something else than expected.
+    """
+    tables = []
+    for origin in expected:
+        path = table_path(folder, origin.object_name)
+        table = read_table(path)
+        _compare(path, origin, table.origin)
+        tables.append(table)
+    return tables
+
+
+def _compare(path: Path, expected: Origin, got: Origin) -> None:
+    for key, value in asdict(expected).items():
+        other = getattr(got, key)
+        if isinstance(value, dict) and isinstance(other, dict):
+            changed = [name for name in value if value[name] != other.get(name)]
+            if changed:
+                key, value, other = f"{key}.{changed[0]}", value[changed[0]], other.get(changed[0])
+        if value != other:
+            raise InputError(f"{path}: expected trials made with {key} {_short(value)}, got {_short(other)}")
+
+
+def _short(value: Any) -> str:
+    text = str(value)
+    return text if len(text) <= 40 else text[:12] + "..."
+
+
+def _first_line(error: BaseException) -> str:
+    return str(error).splitlines()[0][:120]
+
+
+def _words(codes: Tensor, words: tuple[str, ...]) -> pa.DictionaryArray:
+    return pa.DictionaryArray.from_arrays(pa.array(codes.numpy().astype(np.int8)), pa.array(words))
+
+
+def _codes(path: Path, content: pa.Table, column: str, words: tuple[str, ...]) -> Tensor:
+    values = content[column].to_pylist()
+    unknown = set(values) - set(words)
+    if unknown:
+        raise InputError(f"{path}: expected {column} one of {', '.join(words)}; got {min(unknown)}")
+    return torch.tensor([words.index(value) for value in values], dtype=torch.int64)
+
+
+def _floats(content: pa.Table, columns: tuple[str, ...]) -> Tensor:
+    return torch.from_numpy(np.column_stack([content[name].to_numpy() for name in columns]).astype(np.float32))
