@@ -20,7 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from .config import InputError, plain, root, typed
+from spgf_torch.config import InputError, plain, root, typed
 
 T = TypeVar("T")
 console = Console(stderr=True, highlight=False, soft_wrap=True)

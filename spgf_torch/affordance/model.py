@@ -17,12 +17,12 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from ..config import AffordanceConfig, InputError
-from .lattice import Lattice, gaussian_kernel
-from .neighbourhood import Condensed, condense
-from .particles import Particles, pairs_within
-from .ranking import RANKINGS
-from .voting import Votes, VotingIndex, cast_votes
+from spgf_torch.affordance.lattice import Lattice, gaussian_kernel
+from spgf_torch.affordance.neighbourhood import Condensed, condense
+from spgf_torch.affordance.particles import Particles, pairs_within
+from spgf_torch.affordance.ranking import RANKINGS
+from spgf_torch.affordance.voting import Votes, VotingIndex, cast_votes
+from spgf_torch.config import AffordanceConfig, InputError
 
 FORMAT = "spgf_torch model"
 SCHEMA = 1

@@ -15,10 +15,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from ..config import GRASP_TYPES
-from .lattice import Kernel, Lattice
-from .particles import Particles
-
+from spgf_torch.affordance.lattice import Kernel, Lattice
+from spgf_torch.affordance.particles import Particles
+from spgf_torch.config import GRASP_TYPES
 
 # Cells analysed at once: bounds the memory for the indices of their neighbours.
 CHUNK = 50_000

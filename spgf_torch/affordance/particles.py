@@ -8,7 +8,7 @@ import roma
 import torch
 from torch import Tensor
 
-from ..geometry import se3
+from spgf_torch.geometry import se3
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from .neighbourhood import Condensed
-from .voting import Votes
+from spgf_torch.affordance.neighbourhood import Condensed
+from spgf_torch.affordance.voting import Votes
 
 # No significant vote at all: below every grasp that has one.
 UNSUPPORTED = float("-inf")

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from .lattice import Lattice
-from .neighbourhood import Condensed, slice_index
+from spgf_torch.affordance.lattice import Lattice
+from spgf_torch.affordance.neighbourhood import Condensed, slice_index
 
 NO_POINT = -1
 

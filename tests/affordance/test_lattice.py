@@ -47,7 +47,7 @@ def test_positions_within_reach_keep_a_free_border(generator: torch.Generator) -
     assert (position - centre).abs().max() <= LATTICE.voxel / 2 + 1e-7
     i = LATTICE.voxel_index(position)
     for axis in (i // LATTICE.side**2, i // LATTICE.side % LATTICE.side, i % LATTICE.side):
-        assert 1 <= int(axis.min()) and int(axis.max()) <= LATTICE.side - 2
+        assert int(axis.min()) >= 1 and int(axis.max()) <= LATTICE.side - 2
 
 
 def test_index_and_centres_are_inverse(generator: torch.Generator) -> None:

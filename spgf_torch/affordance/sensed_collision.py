@@ -1,0 +1,64 @@
+"""Which grasps would start in collision, as far as the sensed points tell.
+
+A sensed point inside the open hand's volume is a sure sign; no such point proves nothing, since views leave holes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import trimesh
+from torch import Tensor
+
+from spgf_torch.geometry import se3
+
+# Pairs of a grasp and a point looked at together: bounds the memory.
+CHUNK = 1 << 20
+
+
+@dataclass(frozen=True)
+class HandVolume:
+    """The open hand as a union of convex pieces in the TCP frame.
+
+    Attributes:
+        planes: of each piece (F, 4) f32; p is inside where planes[:, :3] @ p <= planes[:, 3] for all of them.
+        low (3,), high (3,) f32: bounding box of all pieces, m.
+    """
+
+    planes: tuple[Tensor, ...]
+    low: Tensor
+    high: Tensor
+
+
+def hand_volume(shapes: Sequence[trimesh.Trimesh]) -> HandVolume:
+    """The volume of convex meshes in the TCP frame, m."""
+    planes = []
+    for mesh in shapes:
+        offset = (mesh.face_normals * mesh.triangles[:, 0]).sum(axis=1, keepdims=True)
+        planes.append(np.unique(np.round(np.hstack([mesh.face_normals, offset]), 9), axis=0))
+    bounds = np.stack([mesh.bounds for mesh in shapes])
+    return HandVolume(
+        tuple(torch.from_numpy(p).float() for p in planes),
+        torch.from_numpy(bounds[:, 0].min(axis=0)).float(),
+        torch.from_numpy(bounds[:, 1].max(axis=0)).float(),
+    )
+
+
+def sensed_collision(points: Tensor, T_object_tcp: Tensor, volume: HandVolume) -> Tensor:
+    """Whether any of the points (N, 3) lies inside the open hand at each of the grasps (G, 4, 4) -> (G,) bool."""
+    hit = torch.zeros(len(T_object_tcp), dtype=torch.bool, device=points.device)
+    low, high = volume.low.to(points.device), volume.high.to(points.device)
+    T_tcp_object = se3.inverse(T_object_tcp)
+    step = max(1, CHUNK // max(1, len(points)))
+    for start in range(0, len(T_object_tcp), step):
+        local = se3.transform_points(T_tcp_object[start : start + step], points)  # (C, N, 3)
+        near = ((local >= low) & (local <= high)).all(-1)
+        grasp, candidates = near.nonzero()[:, 0] + start, local[near]
+        for planes in volume.planes:
+            plane = planes.to(points.device)
+            inside = (candidates @ plane[:, :3].T <= plane[:, 3]).all(-1)
+            hit[grasp[inside]] = True
+    return hit
