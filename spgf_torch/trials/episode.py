@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -84,7 +83,8 @@ class _Trial:
         self.mass = simulator.obj.mass
         self.articulation = simulator._add_hand(self.scene, T_object_tcp @ np.linalg.inv(preshape.T_base_tcp))
         self._set_joints(preshape.joints)
-        self.tcp = T_object_tcp[:3, 3]
+        self.tcp = sapien.Pose(p=T_object_tcp[:3, 3])
+        self.least_cosine = math.cos(math.radians(self.config.max_rotation_deg) / 2)
 
     def _set_joints(self, joints: dict[str, float]) -> None:
         active = self.articulation.active_joints
@@ -105,19 +105,25 @@ class _Trial:
 
     def run(self) -> str:
         self._close()
+        if not self._touching():
+            return "missed"
         self._follow(self.config.settle_time)
         if not self._held():
             return "missed"
-        start = self._object_pose()
-        gravity = np.array([0.0, 0.0, -self.config.gravity])
-        lift = gravity - np.array([0.0, 0.0, self.config.hold_acceleration])
-        loads = [(lift, self.config.hold_time)]
-        loads += [(gravity + self.config.shake_acceleration * way, self.config.shake_time) for way in DIRECTIONS]
-        for acceleration, duration in loads:
+        start = self.object.entity.pose
+        for acceleration, duration in self._loads():
             failure = self._load(acceleration, duration, start)
             if failure:
                 return failure
         return "success" if self._held() else "dropped"
+
+    def _loads(self) -> list[tuple[np.ndarray, float]]:
+        """(acceleration of the object in the hand's frame, m/s2; duration, s): lift, then shake in six directions."""
+        config = self.config
+        gravity = np.array([0.0, 0.0, -config.gravity])
+        lift = gravity - np.array([0.0, 0.0, config.hold_acceleration])
+        shakes = [(gravity + config.shake_acceleration * way, config.shake_time) for way in DIRECTIONS]
+        return [(lift, config.hold_time), *shakes]
 
     def _close(self) -> None:
         """Run the proximal targets ahead of the joints, never back, until the fingers stand still."""
@@ -154,7 +160,7 @@ class _Trial:
             self._turn_distal(self.articulation.qpos)
             self.scene.step()
 
-    def _load(self, acceleration: np.ndarray, duration: float, start: tuple[np.ndarray, np.ndarray]) -> str | None:
+    def _load(self, acceleration: np.ndarray, duration: float, start: sapien.Pose) -> str | None:
         """Accelerate the object for a while; the failure, if it moved too far in the hand."""
         force, torque = (self.mass * acceleration).astype(np.float32), np.zeros(3, dtype=np.float32)
         steps = round(duration / self.config.dt)
@@ -167,26 +173,24 @@ class _Trial:
                     return failure
         return None
 
-    def _failure(self, start: tuple[np.ndarray, np.ndarray]) -> str | None:
-        (R0, p0), (R, p) = start, self._object_pose()
-        slip = np.linalg.norm(R @ (R0.T @ (self.tcp - p0)) + p - self.tcp)
-        if slip > self.config.max_slip:
+    def _failure(self, start: sapien.Pose) -> str | None:
+        """How the object has left its place in the hand since `start`, if it has: slip is measured at the TCP."""
+        motion = self.object.entity.pose * start.inv()
+        if math.dist((motion * self.tcp).p, self.tcp.p) > self.config.max_slip:
             return "slipped" if self._held() else "dropped"
-        cosine = (np.trace(R0.T @ R) - 1) / 2
-        return "rotated" if cosine < math.cos(math.radians(self.config.max_rotation_deg)) else None
-
-    def _object_pose(self) -> tuple[np.ndarray, np.ndarray]:
-        T = self.object.entity.pose.to_transformation_matrix().astype(np.float64)
-        return T[:3, :3], T[:3, 3]
+        return "rotated" if abs(motion.q[0]) < self.least_cosine else None
 
     def _held(self) -> bool:
-        """Whether every finger presses on the object (PhysX also lists near pairs, with zero impulse)."""
-        touching = set()
+        return len(self._touching()) == len(self.pads)
+
+    def _touching(self) -> set[int]:
+        """The fingers that press on the object (PhysX also lists near pairs, with zero impulse)."""
+        touching: set[int] = set()
         for contact in self.system.get_contacts():
             bodies = contact.bodies
             if self.object in bodies and any(np.any(point.impulse) for point in contact.points):
                 touching.update(k for k, pad in enumerate(self.pads) if pad in bodies)
-        return len(touching) == len(self.pads)
+        return touching
 
 
 def _configure(config: EpisodeConfig) -> None:
@@ -201,18 +205,36 @@ def _configure(config: EpisodeConfig) -> None:
 
 
 def _hand_builder(hand: Hand, material: physx.PhysxMaterial) -> sapien.ArticulationBuilder:
-    """The hand's links and joints, parsed once; the joints that never move become fixed ones at their angle."""
+    """The hand's links and joints, parsed once.
+
+    Links that never move (`hand.fixed`) become one with the base, each shape in its place: half the links, and
+    PhysX's cost of an articulation grows with them at every solver iteration.
+    """
     loader = URDFLoader()
     loader.set_scene(sapien.Scene([physx.PhysxCpuSystem()]))
     (builder,), _, _ = loader.parse(str(hand.urdf))
-    for link in builder.link_builders:
+    base, *others = builder.link_builders
+    T_base_still, moving = {base.index: sapien.Pose()}, [base]
+    for link in others:
         joint = link.joint_record
-        if joint.name in hand.fixed:
+        if joint.name in hand.fixed and link.parent.index in T_base_still:
             half = hand.fixed[joint.name] / 2  # about the joint frame's x axis
-            joint.pose_in_parent = joint.pose_in_parent * sapien.Pose(q=[math.cos(half), math.sin(half), 0, 0])
-            joint.joint_type = "fixed"
+            turn = sapien.Pose(q=[math.cos(half), math.sin(half), 0, 0])
+            T_base_link = T_base_still[link.parent.index] * joint.pose_in_parent * turn * joint.pose_in_child.inv()
+            T_base_still[link.index] = T_base_link
+            for shape in link.collision_records:
+                shape.pose = T_base_link * shape.pose
+            base.collision_records += link.collision_records
+        else:
+            if link.parent.index in T_base_still:
+                joint.pose_in_parent = T_base_still[link.parent.index] * joint.pose_in_parent
+                link.parent = base
+            moving.append(link)
+    for index, link in enumerate(moving):
+        link.index = index
         for shape in link.collision_records:
             shape.material = material
+    builder.link_builders = moving
     return builder
 
 

@@ -29,7 +29,7 @@ class PreCheck:
 
 
 def _tree(meshes: list[trimesh.Trimesh]) -> fcl.BVHModel:
-    mesh = trimesh.util.concatenate(meshes)
+    mesh: trimesh.Trimesh = trimesh.util.concatenate(meshes)  # type: ignore[assignment]
     tree = fcl.BVHModel()
     tree.beginModel(len(mesh.faces), len(mesh.vertices))
     tree.addSubModel(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int32))

@@ -75,7 +75,7 @@ class TrialTable:
         return self.origin.object_name
 
     @cached_property
-    def T_object_tcp(self) -> Tensor:
+    def T_object_tcp(self) -> Tensor:  # noqa: N802
         """(M, 4, 4) float32, exactly the simulated poses."""
         return pose_matrix(self.position, self.quaternion)
 
@@ -118,7 +118,7 @@ def write_table(path: Path, table: TrialTable) -> None:
             pq.write_table(content, file, compression="zstd")
             file.flush()
             os.fsync(file.fileno())
-        os.replace(part, path)
+        part.replace(path)
     finally:
         part.unlink(missing_ok=True)
 
