@@ -5,9 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,13 +15,11 @@ from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from spgf_torch.config import InputError, plain, root, typed
+from spgf_torch.progress import console
 
 T = TypeVar("T")
-console = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
@@ -96,32 +92,3 @@ def point_latest(folder: Path) -> None:
     link.unlink(missing_ok=True)
     link.symlink_to(folder.name)
     link.replace(folder.parent / "latest")
-
-
-class Stages:
-    """Progress on stderr: a bar with an estimate in a terminal, a line at each stage's end elsewhere.
-
-    `seconds` holds the wall time of every stage so far.
-    """
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def stage(self, name: str, total: int) -> Iterator[Callable[[], None]]:
-        """Run a stage of `total` steps; the yielded function advances it by one."""
-        start = time.perf_counter()
-        columns = (
-            TextColumn("{task.description:12}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-        )
-        with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-            task = progress.add_task(name, total=total)
-            yield lambda: progress.advance(task)
-        taken = time.perf_counter() - start
-        self.seconds[name] = self.seconds.get(name, 0.0) + taken
-        console.print(f"{name:12} {total:6d} done in {taken:6.1f} s")

@@ -102,8 +102,8 @@ class Kernel:
     cells' centres: 1 within a cell, so that a support reads as a number of particles.
 
     Attributes:
-        voxel_offset (T,) int64, voxel_weight (T,) f32: translation neighbours, by offset of the index.
-        rotation (R, M) int64, rotation_weight (R, M) f32: rotation neighbours; padded with weight 0.
+        voxel_offset (T,) int32, voxel_weight (T,) f32: translation neighbours, by offset of the index.
+        rotation (R, M) int32, rotation_weight (R, M) f32: rotation neighbours; padded with weight 0.
     """
 
     voxel_offset: Tensor
@@ -130,7 +130,9 @@ def gaussian_kernel(lattice: Lattice, sigma: float, sigma_deg: float, device: st
     angle_weight.fill_diagonal_(1.0)
     most = int((angle_weight > 0).sum(1).max())
     rotation_weight, rotation = angle_weight.topk(most, dim=1)
-    return Kernel(flat[kept].to(device), weight[kept].to(device), rotation.to(device), rotation_weight.to(device))
+    return Kernel(
+        flat[kept].int().to(device), weight[kept].to(device), rotation.int().to(device), rotation_weight.to(device)
+    )
 
 
 def _truncated_gaussian(distance: Tensor, sigma: float) -> Tensor:

@@ -94,7 +94,7 @@ def condense(particles: Particles, prototypes: int, lattice: Lattice, kernel: Ke
 def weighted_counts(near: Tensor, cell: Tensor, lattice: Lattice, kernel: Kernel) -> Tensor:
     """Kernel-weighted sums around cells: `near` (cells, 2) read at the neighbours of `cell` (P,) -> (P, 2)."""
     sums = [near.new_zeros(0, near.shape[1])]
-    for chunk in cell.split(CHUNK):
+    for chunk in cell.int().split(CHUNK):
         rotation, voxel = chunk // lattice.voxels, chunk % lattice.voxels
         base = kernel.rotation[rotation] * lattice.voxels + voxel.unsqueeze(1)  # (C, M)
         neighbour = (base.unsqueeze(2) + kernel.voxel_offset).flatten(1)  # (C, M * T)

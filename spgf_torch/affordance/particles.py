@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import roma
 import torch
 from torch import Tensor
 
@@ -46,14 +45,22 @@ class Particles:
 def pairs_within(T_object_feature: Tensor, T_object_grasp: Tensor, reach: float) -> Pairs:
     """Pairs of F features (F, 4, 4) and G grasps (G, 4, 4), f32, with origins within `reach` (m) of each other.
 
-    Ordered by feature, then grasp. T_feature_grasp = inverse(T_object_feature) @ T_object_grasp.
+    Ordered by feature, then grasp. T_feature_grasp = inverse(T_object_feature) @ T_object_grasp, for all F x G
+    pairs as two batched products: faster than gathering the poses of the pairs within reach first.
     """
-    origin_f, origin_g = se3.position_of(T_object_feature), se3.position_of(T_object_grasp)
-    within = torch.cdist(origin_f, origin_g, compute_mode="donot_use_mm_for_euclid_dist") <= reach
+    T_feature_object = se3.inverse(T_object_feature)
+    origin = T_feature_object[:, :3, :3] @ se3.position_of(T_object_grasp).T + T_feature_object[:, :3, 3:]  # (F, 3, G)
+    rotation = left_product(se3.quaternion_of(T_feature_object)) @ se3.quaternion_of(T_object_grasp).T  # (F, 4, G)
+    within = origin.square().sum(1) <= reach**2
     feature, grasp = within.nonzero(as_tuple=True)
-    offset = origin_g[grasp] - origin_f[feature]
-    position = torch.einsum("pji,pj->pi", T_object_feature[feature, :3, :3], offset)
-    feature_to_object = roma.quat_conjugation(roma.quat_wxyz_to_xyzw(se3.quaternion_of(T_object_feature)))
-    grasp_to_object = roma.quat_wxyz_to_xyzw(se3.quaternion_of(T_object_grasp))
-    relative = roma.quat_product(feature_to_object[feature], grasp_to_object[grasp])
-    return Pairs(feature, grasp, position, roma.quat_xyzw_to_wxyz(relative))
+    flat = feature * len(T_object_grasp) + grasp
+    position = torch.stack([origin[:, i].flatten()[flat] for i in range(3)], dim=1)
+    quaternion = torch.stack([rotation[:, i].flatten()[flat] for i in range(4)], dim=1)
+    return Pairs(feature, grasp, position, quaternion)
+
+
+def left_product(quaternion: Tensor) -> Tensor:
+    """The matrices (..., 4, 4) with left_product(a) @ b = a * b (Hamilton), for quaternions (..., 4) wxyz."""
+    w, x, y, z = quaternion.unbind(-1)
+    rows = [w, -x, -y, -z, x, w, -z, y, y, z, w, -x, z, -y, x, w]
+    return torch.stack(rows, dim=-1).unflatten(-1, (4, 4))

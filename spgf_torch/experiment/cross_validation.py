@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.model import GraspModel, learn, scores, vote
-from spgf_torch.cli import Stages
+from spgf_torch.progress import Stages
 from spgf_torch.config import AffordanceConfig, PrototypeConfig
 from spgf_torch.experiment.describe import Described
 from spgf_torch.prototypes.kmeans import assign
@@ -29,14 +29,17 @@ class Learner:
         """
         from spgf_torch.prototypes.module import fit_prototypes  # brings Lightning: seconds to import
 
-        with self.stages.stage("prototypes", 1):
+        with self.stages.stage("prototypes", len(objects), "objects") as advance:
             relations = torch.cat([obj.relations for obj in objects])
             centres = fit_prototypes(relations, self.prototypes, self.seed, folder)
-        with self.stages.stage("condensing", len(objects)):
+            advance(len(objects))
+        with self.stages.stage("particles", len(objects), "objects") as advance:
             examples = [
                 (obj.pairs, assign(obj.relations, centres), held) for obj, held in zip(objects, success, strict=True)
             ]
-            return learn(examples, centres, self.affordance)
+            model = learn(examples, centres, self.affordance)
+            advance(len(objects))
+        return model
 
     def scores(self, model: GraspModel, obj: Described) -> dict[str, Tensor]:
         """Every ranking's score (G,) of a novel object's grasps."""
@@ -57,8 +60,8 @@ def cross_validate(
     for test in np.unique(fold):
         train, novel = np.flatnonzero(fold != test), np.flatnonzero(fold == test)
         model = learner.learn([objects[i] for i in train], [success[i] for i in train])
-        with learner.stages.stage("voting", len(novel)) as advance:
+        with learner.stages.stage("voting", len(novel), "objects") as advance:
             for i in novel:
                 result[i] = learner.scores(model, objects[i])
-                advance()
+                advance(1)
     return result

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from spgf_torch.affordance.model import CellPairs, cell_pairs
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
-from spgf_torch.cli import Stages
+from spgf_torch.progress import Stages
 from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, SensingConfig
 from spgf_torch.features.spgf import Features, spgf
 from spgf_torch.objects.grasp_object import GraspObject
@@ -69,18 +69,18 @@ class Description:
     def describe(self, objects: Sequence[GraspObject], grasps: Sequence[Grasps], stages: Stages) -> list[Described]:
         """Sense objects, compute their features, and pair these with grasps; one stage of progress each."""
         texlets, features, described = [], [], []
-        with stages.stage("sensing", len(objects)) as advance:
+        with stages.stage("sensing", len(objects), "objects") as advance:
             for obj in objects:
                 texlets.append(sense(obj, self.sensing, self.seed))
-                advance()
-        with stages.stage("features", len(objects)) as advance:
+                advance(1)
+        with stages.stage("features", len(objects), "objects") as advance:
             for obj, seen in zip(objects, texlets, strict=True):
                 features.append(self.valid_features(obj.name, seen))
-                advance()
-        with stages.stage("particles", len(objects)) as advance:
+                advance(1)
+        with stages.stage("particles", len(objects), "objects") as advance:
             for i, obj in enumerate(objects):
                 described.append(self.pair(obj.name, texlets[i], features[i], grasps[i]))
-                advance()
+                advance(1)
         return described
 
     def valid_features(self, name: str, texlets: Texlets) -> Features:

@@ -72,5 +72,5 @@ def test_rotation_neighbours_are_all_within_two_deviations() -> None:
     angle = torch.rad2deg(2 * torch.acos((centres @ centres.T).abs().clamp(max=1)))
     expected = torch.where(angle <= 30.0 + 1e-4, torch.exp(-0.5 * (angle / 15.0) ** 2), torch.zeros_like(angle))
     found = torch.zeros_like(expected)
-    found.scatter_add_(1, kernel.rotation, kernel.rotation_weight.double())
+    found.scatter_add_(1, kernel.rotation.long(), kernel.rotation_weight.double())
     assert torch.allclose(found, expected, atol=2e-3)

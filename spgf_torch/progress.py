@@ -1,0 +1,56 @@
+"""Progress of long work, on stderr."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+# Seconds between lines where there is no terminal to draw a bar in.
+EVERY = 20.0
+
+console = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+class Stages:
+    """Stages of a run: a bar with an estimate in a terminal, lines now and then elsewhere.
+
+    `seconds` holds the wall time of every stage so far; stages of the same name add up.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str, total: int, unit: str = "") -> Iterator[Callable[[int], None]]:
+        """Run a stage of `total` steps; call the yielded function with the number of steps just done."""
+        start = time.perf_counter()
+        columns = (
+            TextColumn("{task.description:12}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+        )
+        done, told = 0, start
+
+        def advance(steps: int = 1) -> None:
+            nonlocal done, told
+            done += steps
+            progress.advance(task, steps)
+            now = time.perf_counter()
+            if not console.is_terminal and now - told > EVERY and done < total:
+                told = now
+                left = (now - start) / done * (total - done)
+                console.print(f"{name:12} {done:6d} of {total} {unit:10} {now - start:6.1f} s, about {left:.0f} s left")
+
+        with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+            task = progress.add_task(name, total=total)
+            yield advance
+        taken = time.perf_counter() - start
+        self.seconds[name] = self.seconds.get(name, 0.0) + taken
+        console.print(f"{name:12} {done:6d} {unit:10} done in {taken:6.1f} s")

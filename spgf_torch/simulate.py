@@ -1,0 +1,59 @@
+"""`python -m spgf_torch.simulate`: candidate grasps on objects, each tried in SAPIEN: the trial table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from omegaconf import OmegaConf
+from rich import print as show
+
+from spgf_torch.cli import door
+from spgf_torch.config import InputError, SimulateConfig, find, plain
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.objects.library import load_objects
+from spgf_torch.objects.scans import load_scans
+from spgf_torch.progress import Stages
+
+
+def run(config: SimulateConfig, folder: Path) -> None:
+    """Write one Parquet file an object into `out` (default: the run's folder); finished ones are kept."""
+    from spgf_torch.evaluation.tables import random_rates
+    from spgf_torch.trials.hand import load_hand
+    from spgf_torch.trials.runner import Trials, origin, simulate
+    from spgf_torch.trials.table import read_table, table_path, write_table
+
+    objects = read_objects(config)
+    trials = Trials(load_hand(config.hand), config.episode)
+    out = Path(config.out) if config.out else folder
+    waiting = []
+    for obj in objects:
+        path = table_path(out, obj.name)
+        if not path.exists():
+            waiting.append(obj)
+        elif read_table(path).origin != origin(obj, trials, config.sampler, config.candidates, config.seed):
+            raise InputError(f"{path}: expected no trials or those of these settings, got others; choose another out=")
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.create(plain(config))))
+    stages, total = Stages(), 2 * config.candidates * len(waiting)
+    with stages.stage("trials", total, "candidates") as advance:
+        tables = simulate(
+            waiting, trials, config.sampler, config.candidates, config.seed, config.workers, lambda _, n: advance(n)
+        )
+        for table in tables:
+            write_table(table_path(out, table.object_name), table)
+    show(random_rates(objects, [read_table(table_path(out, obj.name)) for obj in objects]))
+    if waiting:
+        print(f"{total / stages.seconds['trials']:.0f} candidates/s")
+    print(f"{len(objects)} files in {out}")
+
+
+def read_objects(config: SimulateConfig) -> list[GraspObject]:
+    """Objects of a folder: our descriptions where there are any, else scanned meshes."""
+    folder = find(config.objects)
+    if any(folder.glob("*.yaml")):
+        return load_objects(folder)
+    return [scan.object for scan in load_scans(folder, config.unit, config.collision)]
+
+
+if __name__ == "__main__":
+    door("simulate", SimulateConfig, run)
