@@ -1,0 +1,65 @@
+"""Alignment of the grid to the direction of highest curvature (paper, section 3.1.2, Fig. 5).
+
+The paper takes the cell of the largest alpha2 in the top layer as the start of both rings. Where the surface
+has a gap many cells share the saturated value, and the paper does not say which wins. Here, among the cells
+within TIE of the maximum,
+1. the centre of the widest run of them wins (of an even run the first of its two middle cells);
+2. among equally wide runs, the one after which the rings are highest, both angles of both layers weighted with
+   exp(-angle) by the angle from the start: a smooth form of comparing the rings cell by cell from the start on.
+Both look at nothing but the rings' content going round, so the choice turns with the object and does not
+depend on R_x. What is left undecided are rings that repeat themselves, which start equally well at each repeat.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+TOP, ALPHA2 = 0, 1
+
+# rad; curvatures this close are equal: well above float32 rounding (1e-6), well below the noise of a normal (0.05).
+TIE = 1e-4
+
+
+def highest_curvature(rings: Tensor) -> Tensor:
+    """The start cell (N,) int64 of rings (N, 2, 2, cells)."""
+    curvature = rings[:, TOP, ALPHA2]
+    tied = curvature >= curvature.amax(dim=1, keepdim=True) - TIE
+    length = run_lengths(tied)
+    widest = length.amax(dim=1, keepdim=True)
+    to_centre = (widest - 1) // 2
+    cell = torch.arange(tied.shape[1], device=rings.device)
+    score_at_centre = content_after(rings).gather(1, (cell + to_centre) % tied.shape[1])
+    first = score_at_centre.masked_fill(length < widest, -math.inf).argmax(dim=1)
+    return (first + to_centre[:, 0]) % tied.shape[1]
+
+
+def run_lengths(tied: Tensor) -> Tensor:
+    """At the first cell of each run of True around the rings (N, cells) its length, elsewhere 0.
+
+    A ring that is True all round has no first cell: each cell is one, with the length of the ring.
+    """
+    cells = tied.shape[1]
+    ahead, step = tied.int(), 1  # tied cells from each cell on, counted up to `step`, which doubles
+    while step < cells:
+        ahead = ahead + (ahead == step) * ahead.roll(-step, dims=1)
+        step *= 2
+    first = tied & (~tied.roll(1, dims=1) | tied.all(dim=1, keepdim=True))
+    return ahead.clamp(max=cells) * first
+
+
+def content_after(rings: Tensor) -> Tensor:
+    """What follows each cell going round, near cells most: (N, cells)."""
+    cells = rings.shape[-1]
+    k = torch.arange(cells, device=rings.device)
+    ahead = (k[:, None] - k) % cells
+    return rings.sum(dim=(1, 2)) @ torch.exp(-ahead * (2 * math.pi / cells)).to(rings.dtype)
+
+
+def start_at(rings: Tensor, start: Tensor) -> Tensor:
+    """The rings (N, 2, 2, cells) moved round so that cell `start` (N,) becomes cell 0 of both layers."""
+    cells = rings.shape[-1]
+    source = (torch.arange(cells, device=rings.device) + start[:, None]) % cells
+    return rings.gather(3, source[:, None, None].expand_as(rings))

@@ -1,0 +1,60 @@
+"""Pairwise spatial relations (paper, section 3.1.1, Eqs. 2-4).
+
+The paper writes them with d = X1 - X2, from the neighbour to the centre. Here `local` (3, P) is
+X2 - X1, the neighbour as seen in the centre's frame (R_x, R_y, n1), in metres. The angles are the paper's,
+written with atan2, which keeps its accuracy where acos does not: near a right angle for alpha1, and near 0
+and pi for alpha2, where acos of a float32 is off by up to 5e-4 rad.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+
+def reference_frames(normals: Tensor) -> Tensor:
+    """Frames (N, 3, 3) whose columns are R_x, R_y = n x R_x and the normal n, from unit normals (N, 3).
+
+    R_x is arbitrary in the plane (section 3.1.1); here it is the coordinate axis farthest from the normal,
+    made orthogonal to it.
+    """
+    farthest = torch.nn.functional.one_hot(normals.abs().argmin(dim=1), 3).to(normals.dtype)
+    R_y = torch.nn.functional.normalize(torch.linalg.cross(normals, farthest), dim=1)
+    return torch.stack([torch.linalg.cross(R_y, normals), R_y, normals], dim=2)
+
+
+def turned(frames: Tensor, angle: Tensor) -> Tensor:
+    """The frames (N, 3, 3) turned about their normals by angle (N,) in radians, from R_x towards R_y."""
+    R_x, R_y, n = frames.unbind(2)
+    cos, sin = angle.cos()[:, None], angle.sin()[:, None]
+    return torch.stack([cos * R_x + sin * R_y, cos * R_y - sin * R_x, n], dim=2)
+
+
+def in_frame(frames: Tensor, d: Tensor) -> Tensor:
+    """local (3, P): the vectors d (3, P) in the frames (3, 3, P), whose first index is the axis R_x, R_y, n1."""
+    return frames[:, 0] * d[0] + frames[:, 1] * d[1] + frames[:, 2] * d[2]
+
+
+def alpha1(local: Tensor) -> Tensor:
+    """Eq. 2, elevation, in [-pi/2, pi/2]: positive where the surface falls away below the centre's plane."""
+    return torch.atan2(-local[2], in_plane(local))
+
+
+def alpha2(n1: Tensor, n2: Tensor) -> Tensor:
+    """Eq. 3, the angle between the normals n1 and n2, each (3, P), in [0, pi] (Kahan's form of acos(n1 . n2))."""
+    return 2 * torch.atan2(_length(n1 - n2), _length(n1 + n2))
+
+
+def alpha3(local: Tensor) -> Tensor:
+    """Eq. 4, the direction around the normal, in [-pi, pi], from R_x towards R_y. Turning this way, and being
+    the direction to the neighbour and not from it, is our choice of what the paper leaves to convention."""
+    return torch.atan2(local[1], local[0])
+
+
+def in_plane(local: Tensor) -> Tensor:
+    """The length of `local` projected into the centre's plane, in metres."""
+    return (local[0] * local[0] + local[1] * local[1]).sqrt()
+
+
+def _length(v: Tensor) -> Tensor:
+    return (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()

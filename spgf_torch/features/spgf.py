@@ -1,0 +1,147 @@
+"""The Sliced Pineapple Grid Feature of every texlet (paper, section 3.1)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from spgf_torch.config import FeatureConfig, InputError
+from spgf_torch.features.alignment import highest_curvature, start_at
+from spgf_torch.features.grid import cell_means, empty_grid, encode_gaps, moving_average, organise
+from spgf_torch.features.relations import alpha2, in_frame, reference_frames, turned
+from spgf_torch.geometry.neighbours import half_pairs
+from spgf_torch.geometry.se3 import from_rotation
+
+# Pairs and features handled at once: their temporaries stay in a CPU's second-level cache. Accelerators take
+# more, to fill them.
+PAIRS, FEATURES = 1 << 14, 1 << 11
+ACCELERATOR = 1 << 7
+
+# The soft alignment looks for its direction on rings this many times finer (2 deg with 36 cells; FEATURES.md).
+FINER = 5
+
+
+@dataclass(frozen=True)
+class Features:
+    """Features of N texlets.
+
+    T_object_feature: (N, 4, 4), origin at the texlet, z its normal, x the aligned direction.
+    rings: (N, 2, N_g, 2): layer (top, bottom), cell, (alpha1, alpha2) in radians; cell 0 lies around x, and
+    cell k around the direction k * 2 pi / N_g from x towards y.
+    valid: (N,) bool, False where no neighbour has a direction: the rings are one gap, the alignment arbitrary.
+    """
+
+    T_object_feature: Tensor
+    rings: Tensor
+    valid: Tensor
+
+    def __len__(self) -> int:
+        return len(self.rings)
+
+    def relations(self) -> Tensor:
+        """The relational part (N, 4 N_g) float32, what prototypes are learned from (section 3.2): 144 numbers."""
+        return self.rings.flatten(start_dim=1).float()
+
+
+def spgf(
+    positions: Tensor, normals: Tensor, config: FeatureConfig, generator: torch.Generator | None = None
+) -> Features:
+    """Describe the surroundings of each of N texlets.
+
+    positions: (N, 3) in metres, normals: (N, 3) unit, in one frame; float32 or float64 (the features are of the
+    same type), on any device. `generator` (CPU) is used by the alignment `random` only. Time and memory grow
+    with the number of neighbour pairs and of features; temporaries are bounded.
+
+    Raises InputError for other shapes or types, NaN or infinite values, normals that are not unit vectors.
+    """
+    _check(positions, normals, config, generator)
+    return describe(positions, reference_frames(normals), config, generator)
+
+
+def describe(
+    positions: Tensor, frames: Tensor, config: FeatureConfig, generator: torch.Generator | None = None
+) -> Features:
+    """`spgf` with the reference frames given: (N, 3, 3), columns (R_x, R_y, normal)."""
+    if config.alignment == "soft":
+        frames = _turned_softly(positions, frames, config)
+    grid = sliced_pineapple_grid(positions, frames, config)
+    aligned, starts, valid = [], [], []
+    for part in grid.split(_batch(FEATURES, grid)):
+        rings, filled = smoothed_rings(part, config)
+        start = _start(rings, config, generator)
+        aligned.append(start_at(rings, start).transpose(2, 3))
+        starts.append(start)
+        valid.append(filled.any(dim=2).any(dim=1))
+    angle = torch.cat(starts) * (2 * math.pi / config.cells)
+    T = from_rotation(turned(frames, angle.to(frames.dtype)), positions)
+    return Features(T, torch.cat(aligned), torch.cat(valid))
+
+
+def sliced_pineapple_grid(positions: Tensor, frames: Tensor, config: FeatureConfig, soft: bool = False) -> Tensor:
+    """Steps 1 to 3 of section 3.1: sums over neighbours (N, 2, 3, cells), as `grid.empty_grid` has them."""
+    columns = torch.cat([positions, frames.mT.flatten(1)], dim=1).T.contiguous()  # components first: fast to gather
+    grid = empty_grid(len(positions), config.cells, positions)
+    for pairs in half_pairs(positions, config.radius):
+        for i, j in zip(*(ends.split(_batch(PAIRS, grid)) for ends in pairs), strict=True):
+            (X_i, F_i), (X_j, F_j) = (_texlet(columns.index_select(1, end)) for end in (i, j))
+            angle = alpha2(F_i[2], F_j[2])
+            organise(grid, i, in_frame(F_i, X_j - X_i), angle, soft)  # j is a neighbour of i
+            organise(grid, j, in_frame(F_j, X_i - X_j), angle, soft)  # and i is one of j
+    if config.layers == 1:
+        grid[:, 1] = 0
+    return grid
+
+
+def smoothed_rings(grid: Tensor, config: FeatureConfig, soft: bool = False) -> tuple[Tensor, Tensor]:
+    """Step 4 of section 3.1: averaged and gap-encoded rings (N, 2, 2, cells), and which cells are no gap."""
+    means, count = cell_means(grid)
+    weight = count if soft else (count > 0).to(means.dtype)
+    rings, filled = moving_average(means, weight, config.half_length)
+    return encode_gaps(rings, filled, config.gaps), filled
+
+
+def _start(rings: Tensor, config: FeatureConfig, generator: torch.Generator | None) -> Tensor:
+    """Step 5: the cell that becomes cell 0, (N,) int64."""
+    if config.alignment == "argmax":
+        return highest_curvature(rings)
+    if config.alignment == "random":
+        return torch.randint(config.cells, (len(rings),), generator=generator).to(rings.device)
+    return torch.zeros(len(rings), dtype=torch.int64, device=rings.device)  # soft: the frames are turned already
+
+
+def _turned_softly(positions: Tensor, frames: Tensor, config: FeatureConfig) -> Tensor:
+    """The frames turned to the direction of highest curvature of finer, softly filled rings.
+
+    The direction hardly depends on R_x then, as cells 10 deg wide make it. The filter is as wide as before.
+    """
+    fine = replace(config, cells=FINER * config.cells, half_length=FINER * (config.half_length + 1) - 1)
+    grid = sliced_pineapple_grid(positions, frames, fine, soft=True)
+    parts = grid.split(_batch(FEATURES, grid))
+    start = torch.cat([highest_curvature(smoothed_rings(part, fine, soft=True)[0]) for part in parts])
+    return turned(frames, start.to(frames.dtype) * (2 * math.pi / fine.cells))
+
+
+def _texlet(columns: Tensor) -> tuple[Tensor, Tensor]:
+    """Position (3, P) and frame (axis, component, P) from twelve numbers a texlet."""
+    return columns[:3], columns[3:].view(3, 3, -1)
+
+
+def _batch(size: int, like: Tensor) -> int:
+    return size if like.device.type == "cpu" else size * ACCELERATOR
+
+
+def _check(positions: Tensor, normals: Tensor, config: FeatureConfig, generator: torch.Generator | None) -> None:
+    for name, value in (("positions", positions), ("normals", normals)):
+        if value.ndim != 2 or value.shape[1] != 3 or len(value) != len(positions):
+            raise InputError(f"{name}: expected shape (N, 3), one row a texlet, got {tuple(value.shape)}")
+        if value.dtype != positions.dtype or value.dtype not in (torch.float32, torch.float64):
+            raise InputError(f"{name}: expected float32 or float64, both alike, got {value.dtype}")
+    length = torch.linalg.vector_norm(normals, dim=1)
+    if not torch.allclose(length, torch.ones_like(length), atol=1e-3):
+        worst = length[(length - 1).abs().nan_to_num(math.inf).argmax()].item()
+        raise InputError(f"normals: expected unit vectors, got one of length {worst:.4g}")
+    if config.alignment == "random" and generator is None:
+        raise InputError("features.alignment: random expected a generator, got None")

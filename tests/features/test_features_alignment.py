@@ -1,0 +1,97 @@
+"""The start cell: plain maximum, runs of gaps, and that it goes round with the ring."""
+
+import math
+
+import pytest
+import torch
+
+from spgf_torch.features.alignment import TIE, highest_curvature, run_lengths, start_at
+
+RIGHT = math.pi / 2
+
+
+def rings_of(curvature: torch.Tensor) -> torch.Tensor:
+    """Rings (N, 2, 2, cells) whose top alpha2 is given and that are otherwise 0."""
+    rings = torch.zeros((len(curvature), 2, 2, curvature.shape[1]))
+    rings[:, 0, 1] = curvature
+    return rings
+
+
+def with_gaps(*cells: int) -> torch.Tensor:
+    curvature = torch.full((1, 36), 0.2)
+    curvature[0, list(cells)] = RIGHT
+    return rings_of(curvature)
+
+
+def test_a_single_maximum_is_the_start():
+    curvature = torch.rand((50, 36), generator=torch.Generator().manual_seed(0))
+    assert torch.equal(highest_curvature(rings_of(curvature)), curvature.argmax(dim=1))
+
+
+@pytest.mark.parametrize(
+    ("cells", "start"),
+    [
+        ([10, 11, 12], 11),  # an odd run: its centre
+        ([10, 11, 12, 13], 11),  # an even run: the first of the two
+        ([34, 35, 0, 1, 2], 0),  # across the end of the ring
+        ([3, 20, 21, 22], 21),  # the widest of two
+        ([20, 21, 22, 3], 21),
+        ([7], 7),
+    ],
+)
+def test_the_centre_of_the_widest_run_wins(cells, start):
+    assert highest_curvature(with_gaps(*cells)).tolist() == [start]
+
+
+def test_equal_runs_are_told_apart_by_what_follows():
+    """Two runs of three cells; the surface falls away (alpha1 = 0.5) after the second one only."""
+    rings = with_gaps(5, 6, 7, 25, 26, 27)
+    rings[0, 0, 0, 30] = 0.5
+    assert highest_curvature(rings).tolist() == [26]
+    rings[0, 0, 0, 30], rings[0, 1, 0, 30] = 0, 0.5  # seen in the bottom layer only
+    assert highest_curvature(rings).tolist() == [26]
+
+
+def test_a_ring_that_is_all_gap_starts_by_the_other_layer():
+    """No top neighbour at all (a spike's tip from behind): what the bottom layer shows decides, going round."""
+    rings = rings_of(torch.full((1, 36), RIGHT))
+    rings[0, 1, 0] = 0.4
+    rings[0, 1, 0, 12:15] = 0.9
+    assert highest_curvature(rings.roll(5, dims=3)).item() == (highest_curvature(rings).item() + 5) % 36
+
+
+def test_differences_below_the_tie_do_not_break_a_run():
+    rings = with_gaps(10, 11, 12)
+    rings[0, 0, 1, 12] += 0.5 * TIE
+    assert highest_curvature(rings).tolist() == [11]
+    rings[0, 0, 1, 12] += TIE
+    assert highest_curvature(rings).tolist() == [12]
+
+
+@pytest.mark.parametrize("cells", [4, 36, 180])
+def test_the_start_goes_round_with_the_ring(cells):
+    """Rings of random gap patterns and random content, turned by every number of cells: the aligned rings stay."""
+    generator = torch.Generator().manual_seed(0)
+    rings = torch.rand((100, 2, 2, cells), generator=generator)
+    gap = torch.rand((100, 1, cells), generator=generator) < torch.linspace(0, 1, 100)[:, None, None]
+    rings[:, 0] = torch.where(gap, RIGHT, rings[:, 0])
+    aligned = start_at(rings, highest_curvature(rings))
+    for turn in range(1, cells, max(1, cells // 12)):
+        around = rings.roll(turn, dims=3)
+        assert torch.equal(start_at(around, highest_curvature(around)), aligned)
+
+
+def test_run_lengths_against_a_walk():
+    tied = torch.rand((200, 10), generator=torch.Generator().manual_seed(0)) < torch.linspace(0, 1, 200)[:, None]
+    for row, lengths in zip(tied.tolist(), run_lengths(tied).tolist(), strict=True):
+        for cell in range(10):
+            walk = next((k for k in range(10) if not row[(cell + k) % 10]), 10)
+            is_first = row[cell] and (not row[cell - 1] or all(row))
+            assert lengths[cell] == (walk if is_first else 0)
+
+
+def test_start_at_moves_both_layers():
+    rings = torch.arange(2 * 2 * 2 * 8.0).view(2, 2, 2, 8)
+    moved = start_at(rings, torch.tensor([3, 0]))
+    assert torch.equal(moved[0], rings[0].roll(-3, dims=-1))
+    assert torch.equal(moved[1], rings[1])
