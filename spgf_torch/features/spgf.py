@@ -75,8 +75,7 @@ def describe(
         aligned.append(start_at(rings, start).transpose(2, 3))
         starts.append(start)
         valid.append(filled.any(dim=2).any(dim=1))
-    angle = torch.cat(starts) * (2 * math.pi / config.cells)
-    T = from_rotation(turned(frames, angle.to(frames.dtype)), positions)
+    T = from_rotation(turned(frames, _angle(torch.cat(starts), config.cells, frames)), positions)
     return Features(T, torch.cat(aligned), torch.cat(valid))
 
 
@@ -121,7 +120,12 @@ def _turned_softly(positions: Tensor, frames: Tensor, config: FeatureConfig) -> 
     grid = sliced_pineapple_grid(positions, frames, fine, soft=True)
     parts = grid.split(_batch(FEATURES, grid))
     start = torch.cat([highest_curvature(smoothed_rings(part, fine, soft=True)[0]) for part in parts])
-    return turned(frames, start.to(frames.dtype) * (2 * math.pi / fine.cells))
+    return turned(frames, _angle(start, fine.cells, frames))
+
+
+def _angle(cell: Tensor, cells: int, like: Tensor) -> Tensor:
+    """The direction of a cell's centre, in radians and in the precision of `like`."""
+    return cell.to(like.dtype) * (2 * math.pi / cells)
 
 
 def _texlet(columns: Tensor) -> tuple[Tensor, Tensor]:

@@ -87,10 +87,11 @@ def content_after(rings, start):
     return sum(rings[:, (start + k) % cells].sum() * math.exp(-k * 2 * math.pi / cells) for k in range(cells))
 
 
-def spgf(X, n, frames, radius=0.03, cells=36, half_length=6):
-    """Rings (N, 2, cells, 2), poses (N, 4, 4) and valid (N,) from float64 arrays and given reference frames."""
-    out = np.empty((len(X), 2, cells, 2)), np.tile(np.eye(4), (len(X), 1, 1)), np.empty(len(X), bool)
-    for centre in range(len(X)):
+def spgf(X, n, frames, count, radius=0.03, cells=36, half_length=6):
+    """Rings (count, 2, cells, 2), poses (count, 4, 4) and valid (count,) of the first `count` of the texlets X, n
+    (N, 3) with reference frames (N, 3, 3)."""
+    out = np.empty((count, 2, cells, 2)), np.tile(np.eye(4), (count, 1, 1)), np.empty(count, bool)
+    for centre in range(count):
         means = grid(X, n, frames[centre], centre, radius, cells)
         rings = encode_gaps(moving_average(means, half_length))
         start = start_cell(rings)
