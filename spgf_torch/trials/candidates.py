@@ -27,7 +27,7 @@ def sample_poses(
 
     A surface point p (uniform by area) with normal n; closing axis +-n; TCP midway from p to where the ray along -n
     first leaves the object; approach uniform around n, turned round where it would come from inside; then a rotation
-    about a random axis and a shift in a random direction, of `jitter_deg` and `jitter` root mean square.
+    vector and a shift, normal in each coordinate with standard deviations `jitter_deg` and `jitter`.
     """
     points, faces = trimesh.sample.sample_surface(obj.mesh, count, seed=int(rng.integers(2**63)))
     normals = obj.mesh.face_normals[faces]
@@ -37,8 +37,8 @@ def sample_poses(
     outwards = np.einsum("ij,ij->i", approach, centres - obj.com) > 0
     approach[outwards] *= -1
     axes = np.stack([closing, np.cross(approach, closing), approach], axis=-1)
-    turn = _directions(count, rng) * rng.normal(0, np.radians(config.jitter_deg), (count, 1))
-    shift = _directions(count, rng) * rng.normal(0, config.jitter, (count, 1))
+    turn = rng.normal(0, np.radians(config.jitter_deg), (count, 3))
+    shift = rng.normal(0, config.jitter, (count, 3))
     rotation = Rotation.from_rotvec(turn) * Rotation.from_matrix(axes)
     quaternion = rotation.as_quat(canonical=True, scalar_first=True)
     return torch.from_numpy((centres + shift).astype(np.float32)), torch.from_numpy(quaternion.astype(np.float32))
@@ -53,14 +53,8 @@ def _thickness(mesh: trimesh.Trimesh, points: np.ndarray, normals: np.ndarray) -
     return distance
 
 
-def _directions(count: int, rng: np.random.Generator) -> np.ndarray:
-    """(count, 3) unit vectors, uniform on the sphere."""
-    vectors = rng.normal(size=(count, 3))
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
 def _perpendicular(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(M, 3) unit vectors, uniform on the circle around each normal."""
-    vectors = _directions(len(normals), rng)
+    vectors = rng.normal(size=normals.shape)
     vectors -= np.einsum("ij,ij->i", vectors, normals)[:, None] * normals
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcl
 import numpy as np
 import trimesh
+from scipy.spatial import ConvexHull
 
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.trials.hand import Preshape
@@ -17,7 +18,7 @@ class PreCheck:
     """
 
     def __init__(self, obj: GraspObject, preshape: Preshape) -> None:
-        self._object = fcl.CollisionObject(_tree([trimesh.convex.convex_hull(part) for part in obj.parts]))
+        self._object = fcl.CollisionObject(_tree([_hull(part) for part in obj.parts]))
         self._hand = fcl.CollisionObject(_tree(list(preshape.shapes)))
         self._request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
 
@@ -26,6 +27,10 @@ class PreCheck:
         T = np.asarray(T_object_tcp, dtype=np.float64)
         self._hand.setTransform(fcl.Transform(np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])))
         return fcl.collide(self._hand, self._object, self._request, fcl.CollisionResult()) > 0
+
+
+def _hull(points: np.ndarray) -> trimesh.Trimesh:
+    return trimesh.Trimesh(points, ConvexHull(points).simplices, process=False)
 
 
 def _tree(meshes: list[trimesh.Trimesh]) -> fcl.BVHModel:
