@@ -17,15 +17,13 @@ import math
 import torch
 from torch import Tensor
 
-TOP, ALPHA2 = 0, 1
-
 # rad; curvatures this close are equal: well above float32 rounding (1e-6), well below the noise of a normal (0.05).
 TIE = 1e-4
 
 
 def highest_curvature(rings: Tensor) -> Tensor:
-    """The start cell (N,) int64 of rings (N, 2, 2, cells)."""
-    curvature = rings[:, TOP, ALPHA2]
+    """The start cell (N,) int64 of rings (2, N, 2, cells) as `grid` makes them."""
+    curvature = rings[1, :, 0]  # alpha2 of the top layer
     tied = curvature >= curvature.amax(dim=1, keepdim=True) - TIE
     length = run_lengths(tied)
     widest = length.amax(dim=1, keepdim=True)
@@ -42,7 +40,7 @@ def run_lengths(tied: Tensor) -> Tensor:
     A ring that is True all round has no first cell: each cell is one, with the length of the ring.
     """
     cells = tied.shape[1]
-    ahead, step = tied.int(), 1  # tied cells from each cell on, counted up to `step`, which doubles
+    ahead, step = tied.short(), 1  # tied cells from each cell on, counted up to `step`, which doubles
     while step < cells:
         ahead = ahead + (ahead == step) * ahead.roll(-step, dims=1)
         step *= 2
@@ -55,11 +53,12 @@ def content_after(rings: Tensor) -> Tensor:
     cells = rings.shape[-1]
     k = torch.arange(cells, device=rings.device)
     ahead = (k[:, None] - k) % cells
-    return rings.sum(dim=(1, 2)) @ torch.exp(-ahead * (2 * math.pi / cells)).to(rings.dtype)
+    content = rings[0, :, 0] + rings[0, :, 1] + rings[1, :, 0] + rings[1, :, 1]
+    return content @ torch.exp(-ahead * (2 * math.pi / cells)).to(rings.dtype)
 
 
 def start_at(rings: Tensor, start: Tensor) -> Tensor:
-    """The rings (N, 2, 2, cells) moved round so that cell `start` (N,) becomes cell 0 of both layers."""
+    """The rings (2, N, 2, cells) moved round so that cell `start` (N,) becomes cell 0 of both layers."""
     cells = rings.shape[-1]
     source = (torch.arange(cells, device=rings.device) + start[:, None]) % cells
-    return rings.gather(3, source[:, None, None].expand_as(rings))
+    return rings.gather(3, source[:, None].expand_as(rings))

@@ -10,14 +10,14 @@ from torch import Tensor
 
 from spgf_torch.config import FeatureConfig, InputError
 from spgf_torch.features.alignment import highest_curvature, start_at
-from spgf_torch.features.grid import cell_means, empty_grid, encode_gaps, moving_average, organise
+from spgf_torch.features.grid import cell_means, empty_grid, encode_gaps, layer_of, moving_average, organise
 from spgf_torch.features.relations import alpha2, in_frame, reference_frames, turned
 from spgf_torch.geometry.neighbours import half_pairs
 from spgf_torch.geometry.se3 import from_rotation
 
 # Pairs and features handled at once: their temporaries stay in a CPU's second-level cache. Accelerators take
 # more, to fill them.
-PAIRS, FEATURES = 1 << 14, 1 << 11
+PAIRS, FEATURES = 1 << 14, 2048
 ACCELERATOR = 1 << 7
 
 # The soft alignment looks for its direction on rings this many times finer (2 deg with 36 cells; FEATURES.md).
@@ -69,10 +69,10 @@ def describe(
         frames = _turned_softly(positions, frames, config)
     grid = sliced_pineapple_grid(positions, frames, config)
     aligned, starts, valid = [], [], []
-    for part in grid.split(_batch(FEATURES, grid)):
+    for part in grid.split(_batch(FEATURES, grid), dim=1):
         rings, filled = smoothed_rings(part, config)
         start = _start(rings, config, generator)
-        aligned.append(start_at(rings, start).transpose(2, 3))
+        aligned.append(start_at(rings, start).permute(1, 2, 3, 0))
         starts.append(start)
         valid.append(filled.any(dim=2).any(dim=1))
     T = from_rotation(turned(frames, _angle(torch.cat(starts), config.cells, frames)), positions)
@@ -80,35 +80,39 @@ def describe(
 
 
 def sliced_pineapple_grid(positions: Tensor, frames: Tensor, config: FeatureConfig, soft: bool = False) -> Tensor:
-    """Steps 1 to 3 of section 3.1: sums over neighbours (N, 2, 3, cells), as `grid.empty_grid` has them."""
+    """Steps 1 to 3 of section 3.1: sums over neighbours (3, N, 2, cells), as `grid.empty_grid` has them."""
     columns = torch.cat([positions, frames.mT.flatten(1)], dim=1).T.contiguous()  # components first: fast to gather
     grid = empty_grid(len(positions), config.cells, positions)
     for pairs in half_pairs(positions, config.radius):
         for i, j in zip(*(ends.split(_batch(PAIRS, grid)) for ends in pairs), strict=True):
             (X_i, F_i), (X_j, F_j) = (_texlet(columns.index_select(1, end)) for end in (i, j))
             angle = alpha2(F_i[2], F_j[2])
-            organise(grid, i, in_frame(F_i, X_j - X_i), angle, soft)  # j is a neighbour of i
-            organise(grid, j, in_frame(F_j, X_i - X_j), angle, soft)  # and i is one of j
+            layer = layer_of(angle)
+            organise(grid, 2 * i + layer, in_frame(F_i, X_j - X_i), angle, soft)  # j is a neighbour of i
+            organise(grid, 2 * j + layer, in_frame(F_j, X_i - X_j), angle, soft)  # and i is one of j
     if config.layers == 1:
-        grid[:, 1] = 0
+        grid[:, :, 1] = 0
     return grid
 
 
 def smoothed_rings(grid: Tensor, config: FeatureConfig, soft: bool = False) -> tuple[Tensor, Tensor]:
-    """Step 4 of section 3.1: averaged and gap-encoded rings (N, 2, 2, cells), and which cells are no gap."""
-    means, count = cell_means(grid)
-    weight = count if soft else (count > 0).to(means.dtype)
-    rings, filled = moving_average(means, weight, config.half_length)
+    """Step 4 of section 3.1: averaged and gap-encoded rings (2, N, 2, cells), and which cells are no gap.
+
+    The paper averages the cells' means, one like another; softly shared neighbours count each for itself.
+    """
+    sums, weight = (grid[1:], grid[0]) if soft else cell_means(grid)
+    rings, filled = moving_average(sums, weight.to(sums.dtype), config.half_length)
     return encode_gaps(rings, filled, config.gaps), filled
 
 
 def _start(rings: Tensor, config: FeatureConfig, generator: torch.Generator | None) -> Tensor:
     """Step 5: the cell that becomes cell 0, (N,) int64."""
+    N = rings.shape[1]
     if config.alignment == "argmax":
         return highest_curvature(rings)
     if config.alignment == "random":
-        return torch.randint(config.cells, (len(rings),), generator=generator).to(rings.device)
-    return torch.zeros(len(rings), dtype=torch.int64, device=rings.device)  # soft: the frames are turned already
+        return torch.randint(config.cells, (N,), generator=generator).to(rings.device)
+    return torch.zeros(N, dtype=torch.int64, device=rings.device)  # soft: the frames are turned already
 
 
 def _turned_softly(positions: Tensor, frames: Tensor, config: FeatureConfig) -> Tensor:
@@ -118,7 +122,7 @@ def _turned_softly(positions: Tensor, frames: Tensor, config: FeatureConfig) -> 
     """
     fine = replace(config, cells=FINER * config.cells, half_length=FINER * (config.half_length + 1) - 1)
     grid = sliced_pineapple_grid(positions, frames, fine, soft=True)
-    parts = grid.split(_batch(FEATURES, grid))
+    parts = grid.split(_batch(FEATURES, grid), dim=1)
     start = torch.cat([highest_curvature(smoothed_rings(part, fine, soft=True)[0]) for part in parts])
     return turned(frames, _angle(start, fine.cells, frames))
 

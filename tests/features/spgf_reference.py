@@ -40,7 +40,6 @@ def grid(X, n, frame, centre, radius, cells):
         for cell in range(cells):
             if members[layer][cell]:
                 means[layer, cell] = np.mean(members[layer][cell], axis=0)
-    means[0, :, 1] = np.minimum(means[0, :, 1], RIGHT)
     return means
 
 
@@ -63,7 +62,9 @@ def moving_average(means, half_length):
 
 def encode_gaps(rings):
     saturated = np.array([[RIGHT, RIGHT], [RIGHT, math.pi]])
-    return np.where(np.isnan(rings), saturated[:, None], rings)
+    encoded = np.where(np.isnan(rings), saturated[:, None], rings)
+    encoded[0, :, 1] = np.minimum(encoded[0, :, 1], RIGHT)
+    return encoded
 
 
 def start_cell(rings):

@@ -11,9 +11,9 @@ RIGHT = math.pi / 2
 
 
 def rings_of(curvature: torch.Tensor) -> torch.Tensor:
-    """Rings (N, 2, 2, cells) whose top alpha2 is given and that are otherwise 0."""
-    rings = torch.zeros((len(curvature), 2, 2, curvature.shape[1]))
-    rings[:, 0, 1] = curvature
+    """Rings (2, N, 2, cells) whose top alpha2 is given and that are otherwise 0."""
+    rings = torch.zeros((2, len(curvature), 2, curvature.shape[1]))
+    rings[1, :, 0] = curvature
     return rings
 
 
@@ -48,23 +48,23 @@ def test_equal_runs_are_told_apart_by_what_follows():
     rings = with_gaps(5, 6, 7, 25, 26, 27)
     rings[0, 0, 0, 30] = 0.5
     assert highest_curvature(rings).tolist() == [26]
-    rings[0, 0, 0, 30], rings[0, 1, 0, 30] = 0, 0.5  # seen in the bottom layer only
+    rings[0, 0, 0, 30], rings[0, 0, 1, 30] = 0, 0.5  # seen in the bottom layer only
     assert highest_curvature(rings).tolist() == [26]
 
 
 def test_a_ring_that_is_all_gap_starts_by_the_other_layer():
     """No top neighbour at all (a spike's tip from behind): what the bottom layer shows decides, going round."""
     rings = rings_of(torch.full((1, 36), RIGHT))
-    rings[0, 1, 0] = 0.4
-    rings[0, 1, 0, 12:15] = 0.9
+    rings[0, 0, 1] = 0.4
+    rings[0, 0, 1, 12:15] = 0.9
     assert highest_curvature(rings.roll(5, dims=3)).item() == (highest_curvature(rings).item() + 5) % 36
 
 
 def test_differences_below_the_tie_do_not_break_a_run():
     rings = with_gaps(10, 11, 12)
-    rings[0, 0, 1, 12] += 0.5 * TIE
+    rings[1, 0, 0, 12] += 0.5 * TIE
     assert highest_curvature(rings).tolist() == [11]
-    rings[0, 0, 1, 12] += TIE
+    rings[1, 0, 0, 12] += TIE
     assert highest_curvature(rings).tolist() == [12]
 
 
@@ -72,9 +72,9 @@ def test_differences_below_the_tie_do_not_break_a_run():
 def test_the_start_goes_round_with_the_ring(cells):
     """Rings of random gap patterns and random content, turned by every number of cells: the aligned rings stay."""
     generator = torch.Generator().manual_seed(0)
-    rings = torch.rand((100, 2, 2, cells), generator=generator)
-    gap = torch.rand((100, 1, cells), generator=generator) < torch.linspace(0, 1, 100)[:, None, None]
-    rings[:, 0] = torch.where(gap, RIGHT, rings[:, 0])
+    rings = torch.rand((2, 100, 2, cells), generator=generator)
+    gap = torch.rand((100, cells), generator=generator) < torch.linspace(0, 1, 100)[:, None]
+    rings[:, :, 0] = torch.where(gap, RIGHT, rings[:, :, 0])
     aligned = start_at(rings, highest_curvature(rings))
     for turn in range(1, cells, max(1, cells // 12)):
         around = rings.roll(turn, dims=3)
@@ -93,5 +93,5 @@ def test_run_lengths_against_a_walk():
 def test_start_at_moves_both_layers():
     rings = torch.arange(2 * 2 * 2 * 8.0).view(2, 2, 2, 8)
     moved = start_at(rings, torch.tensor([3, 0]))
-    assert torch.equal(moved[0], rings[0].roll(-3, dims=-1))
-    assert torch.equal(moved[1], rings[1])
+    assert torch.equal(moved[:, 0], rings[:, 0].roll(-3, dims=-1))
+    assert torch.equal(moved[:, 1], rings[:, 1])
