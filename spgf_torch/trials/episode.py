@@ -13,7 +13,7 @@ import warnings
 import numpy as np
 import trimesh
 
-from spgf_torch.config import EpisodeConfig
+from spgf_torch.config import EpisodeConfig, InputError
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.trials.hand import Hand
 
@@ -133,7 +133,7 @@ class _Trial:
         window = max(1, round(self.config.stall_window / self.config.dt))
         q = self.articulation.qpos
         targets = [closing * float(q[index]) for index in self.proximal]
-        before, still = targets, 0
+        before, still = list(targets), 0
         for step in range(1, round(self.config.close_time / self.config.dt) + 1):
             for k, index in enumerate(self.proximal):
                 ahead = min(targets[k] + stride, closing * float(q[index]) + lead)
@@ -235,6 +235,10 @@ def _hand_builder(hand: Hand, material: physx.PhysxMaterial) -> sapien.Articulat
         for shape in link.collision_records:
             shape.material = material
     builder.link_builders = moving
+    built = sum(len(link.collision_shapes) for link in builder.build(fix_root_link=True).links)
+    wanted = len(next(iter(hand.preshapes.values())).shapes)
+    if built != wanted:  # SAPIEN skips without a word what it cannot cook
+        raise InputError(f"{hand.urdf}: expected {wanted} collision shapes in SAPIEN, got {built}")
     return builder
 
 

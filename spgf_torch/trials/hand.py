@@ -110,8 +110,10 @@ class Kinematics:
         fingers = self.config.fingers
         if len(fingers) != 2 or any(len(finger.pad) != 3 for finger in fingers):
             raise InputError("hand.fingers: expected two fingers, each with a pad of three coordinates")
-        wanted = {self.config.base_link} | {finger.pad_link for finger in fingers}
+        wanted = {finger.pad_link for finger in fingers}
         named = set(self.fixed) | {name for finger in fingers for name in (finger.proximal, finger.distal) if name}
+        if self.config.base_link != (root := self.robot.get_root()):
+            raise InputError(f"hand.base_link: expected {root}, the root of {self.path}; got {self.config.base_link}")
         for kind, missing in (("link", wanted - links), ("joint", named - joints)):
             if missing:
                 raise InputError(f"{self.path}: expected a {kind} named {min(missing)}, got none")
@@ -136,9 +138,7 @@ class Kinematics:
 
         values = [[joints[name] for name in self.chain.get_joint_parameter_names()]]  # its order, not SAPIEN's
         poses = self.chain.forward_kinematics(torch.tensor(values, dtype=torch.float64))
-        T = {name: pose.get_matrix()[0].double().numpy() for name, pose in poses.items()}
-        T_base_root = np.linalg.inv(T[self.config.base_link])
-        return {name: T_base_root @ T_root_link for name, T_root_link in T.items()}
+        return {name: pose.get_matrix()[0].numpy() for name, pose in poses.items()}
 
     def pads(self, links: dict[str, np.ndarray]) -> np.ndarray:
         """(2, 3) pad points in the base frame."""
@@ -167,7 +167,7 @@ class Kinematics:
 
     def _tcp(self, links: dict[str, np.ndarray]) -> np.ndarray:
         first, second = self.pads(links)
-        z = links[self.config.base_link][:3, 2]
+        z = np.array([0.0, 0.0, 1.0])
         x = second - first
         x = x - (x @ z) * z
         x /= np.linalg.norm(x)

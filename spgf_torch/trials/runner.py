@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.metadata import version
 
@@ -85,26 +85,26 @@ def execute(
     progress: Callable[[str, int], None] = lambda name, done: None,
 ) -> Iterator[Tensor]:
     """For each (object, grasp type, T_object_tcp (M, 4, 4)) the outcomes (M,) int64, codes into `OUTCOMES`."""
-    requests = list(requests)
+    cases = [
+        (_Case(f"{o.digest} {trials.hand.digest} {trials.episode}", kind, o, trials), T) for o, kind, T in requests
+    ]
     chunks = [
-        (index, obj, kind, T[first : first + CHUNK].numpy())
-        for index, (obj, kind, T) in enumerate(requests)
+        (index, case, T[first : first + CHUNK].numpy())
+        for index, (case, T) in enumerate(cases)
         for first in range(0, len(T), CHUNK)
     ]
-    for obj, _, _ in requests:
-        obj.digest  # noqa: B018  computed once here, it travels with the object and names it in the workers
     parallel = Parallel(n_jobs=workers or -1, return_as="generator", pre_dispatch="3*n_jobs")
-    results = parallel(delayed(_run_chunk)(obj, kind, T, trials) for _, obj, kind, T in chunks)
-    done: list[list[int]] = [[] for _ in requests]
-    current = 0
-    for (index, obj, _, T), codes in zip(chunks, results, strict=True):
-        while current < index:
-            yield torch.tensor(done[current], dtype=torch.int64)
-            current += 1
-        done[index] += codes
-        progress(obj.name, len(T))
-    for rest in done[current:]:
-        yield torch.tensor(rest, dtype=torch.int64)
+    results = parallel(delayed(_run_chunk)(case, T) for _, case, T in chunks)
+    outcomes: list[list[int]] = [[] for _ in cases]
+    ended = 0
+    for (index, case, T), codes in zip(chunks, results, strict=True):
+        for codes_of_case in outcomes[ended:index]:
+            yield torch.tensor(codes_of_case, dtype=torch.int64)
+        ended = index
+        outcomes[index] += codes
+        progress(case.obj.name, len(T))
+    for codes_of_case in outcomes[ended:]:
+        yield torch.tensor(codes_of_case, dtype=torch.int64)
 
 
 def _poses(obj: GraspObject, sampler: SamplerConfig, count: int, seed: int, kind: str) -> tuple[Tensor, Tensor]:
@@ -112,30 +112,27 @@ def _poses(obj: GraspObject, sampler: SamplerConfig, count: int, seed: int, kind
     return sample_poses(obj, count, sampler, rng)
 
 
-def _run_chunk(obj: GraspObject, kind: str, T_object_tcp: np.ndarray, trials: Trials) -> list[int]:
-    tester = _tester(obj.digest, kind, trials.hand.digest, repr(trials.episode), _Payload(obj, trials))
-    return [OUTCOMES.index(tester(T)) for T in T_object_tcp]
+@dataclass(frozen=True)
+class _Case:
+    """One object and grasp type, under one hand and episode; `digests` stands for all that is not compared."""
+
+    digests: str
+    kind: str
+    obj: GraspObject = field(compare=False)
+    trials: Trials = field(compare=False)
 
 
-class _Payload:
-    """What a tester is made from, invisible to the cache's key (the digests before it are the key)."""
-
-    def __init__(self, obj: GraspObject, trials: Trials) -> None:
-        self.obj, self.trials = obj, trials
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Payload)
-
-    def __hash__(self) -> int:
-        return 0
+def _run_chunk(case: _Case, T_object_tcp: np.ndarray) -> list[int]:
+    attempt = _attempt(case)
+    return [OUTCOMES.index(attempt(T)) for T in T_object_tcp]
 
 
 @lru_cache(maxsize=2)
-def _tester(digest: str, kind: str, hand: str, episode: str, payload: _Payload) -> Callable[[np.ndarray], str]:
-    """Pre-check, then the episode, of one object and grasp type; kept by the worker for the chunks to come."""
-    from spgf_torch.trials.episode import Simulator  # the parent never steps a scene, so it need not load SAPIEN
+def _attempt(case: _Case) -> Callable[[np.ndarray], str]:
+    """Pre-check, then the episode; what both prepare is kept by the worker for the chunks to come."""
+    from spgf_torch.trials.episode import Simulator  # a parent of workers never steps a scene: no need of SAPIEN
     from spgf_torch.trials.precheck import PreCheck
 
-    check = PreCheck(payload.obj, payload.trials.hand.preshapes[kind])
-    simulator = Simulator(payload.obj, payload.trials.hand, payload.trials.episode)
-    return lambda T: "collision" if check.collides(T) else simulator.run(T, kind)
+    check = PreCheck(case.obj, case.trials.hand.preshapes[case.kind])
+    simulator = Simulator(case.obj, case.trials.hand, case.trials.episode)
+    return lambda T: "collision" if check.collides(T) else simulator.run(T, case.kind)
