@@ -1,0 +1,55 @@
+"""Results of executed grasps: `results.json` of `evaluate` (schema 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from spgf_torch.evaluation.success import Rates, bootstrap_interval, class_means
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class ObjectOutcome:
+    """One object: what its best grasps and a random sample of its candidates came to.
+
+    Attributes:
+        best: of each type and CG the share of the highest-ranked grasps that were held.
+        random: the same of random candidates.
+        seconds: of sensing, features and ranking; not of the trials.
+    """
+
+    name: str
+    category: str
+    best: Rates
+    random: Rates
+    seconds: float
+
+
+def executed_results(
+    outcomes: Sequence[ObjectOutcome], *, n: int, ranking: str, resamples: int, seed: int
+) -> dict[str, Any]:
+    """The content of `results.json` of `evaluate` (design/ARCHITECTURE.md, contract)."""
+    classes = [o.category for o in outcomes]
+    return {
+        "schema": SCHEMA,
+        "N": n,
+        "ranking": ranking,
+        "seed": seed,
+        "success_rate": class_means(classes, [o.best for o in outcomes]),
+        "interval95": bootstrap_interval(classes, [o.best for o in outcomes], resamples, seed),
+        "random": class_means(classes, [o.random for o in outcomes]),
+        "per_object": [_row(o) for o in outcomes],
+    }
+
+
+def _row(outcome: ObjectOutcome) -> Mapping[str, Any]:
+    return {
+        "object": outcome.name,
+        "class": outcome.category,
+        **outcome.best,
+        "random": outcome.random,
+        "seconds": round(outcome.seconds, 3),
+    }

@@ -1,0 +1,24 @@
+"""Folds of a cross-validation over objects, stratified by class (paper, section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+
+def stratified_folds(classes: Sequence[str], folds: int, seed: int) -> np.ndarray:
+    """The fold (0 .. folds - 1) of each object, (objects,) int64.
+
+    Each class is shuffled and dealt out in turn, each class starting where the one before stopped: the folds'
+    sizes, and the number of each class in them, differ by at most one.
+    """
+    rng = np.random.default_rng(seed)
+    labels = np.asarray(classes)
+    fold = np.empty(len(labels), dtype=np.int64)
+    dealt = 0
+    for name in sorted(set(classes)):
+        members = rng.permutation(np.flatnonzero(labels == name))
+        fold[members] = (dealt + np.arange(len(members))) % folds
+        dealt += len(members)
+    return fold

@@ -1,0 +1,27 @@
+"""Table 1 of the paper: success-rates in percent, as printed. Class -> type -> rate."""
+
+from __future__ import annotations
+
+# K: containers NPG WPG CG, boxes NPG WPG CG, curved NPG WPG CG, all NPG WPG CG.
+_ROWS = {
+    5: (48.0, 26.5, 30.5, 12.9, 80.0, 80.0, 6.3, 93.8, 93.8, 24.8, 63.0, 64.6),
+    10: (85.0, 46.5, 59.5, 13.6, 84.3, 84.3, 6.3, 95.0, 95.0, 39.8, 72.6, 77.8),
+    15: (82.0, 34.0, 63.0, 14.3, 77.1, 77.1, 6.3, 88.1, 88.1, 38.8, 63.4, 75.0),
+    20: (78.0, 40.5, 74.0, 13.6, 87.9, 87.9, 6.3, 92.5, 92.5, 37.0, 70.4, 83.8),
+    25: (79.0, 33.5, 71.5, 12.9, 85.7, 85.7, 6.3, 95.6, 95.6, 37.2, 68.0, 83.2),
+}
+_RANDOM = (10.6, 11.5, None, 4.8, 46.6, None, 4.4, 51.3, None, 7.0, 34.1, None)
+
+COLUMNS = [(name, kind) for name in ("containers", "boxes", "curved", "all") for kind in ("NPG", "WPG", "CG")]
+
+
+def _table(row: tuple[float | None, ...]) -> dict[str, dict[str, float]]:
+    table: dict[str, dict[str, float]] = {}
+    for (name, kind), rate in zip(COLUMNS, row, strict=True):
+        if rate is not None:
+            table.setdefault(name, {})[kind] = rate
+    return table
+
+
+SUCCESS_RATE = {K: _table(row) for K, row in _ROWS.items()}
+RANDOM = _table(_RANDOM)

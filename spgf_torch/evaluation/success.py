@@ -1,0 +1,88 @@
+"""Success-rates of ranked grasps (paper, Eq. 10), chance and ceiling beside them, and intervals over objects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from spgf_torch.config import CLASSES, GRASP_TYPES
+
+TYPES = (*GRASP_TYPES, "CG")
+
+Rates = dict[str, float]  # of one object: grasp type or CG -> share of successes
+
+
+def of_type(grasp_type: np.ndarray, name: str) -> np.ndarray:
+    """(G,) bool: which grasps belong to a type; CG takes both."""
+    return np.ones(len(grasp_type), dtype=bool) if name == "CG" else grasp_type == GRASP_TYPES.index(name)
+
+
+def top_n(score: np.ndarray, success: np.ndarray, grasp_type: np.ndarray, n: int) -> Rates:
+    """Eq. 10: the share of successes among the n highest-ranked grasps, of each type and of both in one ranking.
+
+    Args:
+        score (G,) float, higher is better; ties go to the earlier grasp. success (G,) bool, grasp_type (G,) int.
+    """
+    rates = {}
+    for name in TYPES:
+        among = np.flatnonzero(of_type(grasp_type, name))
+        best = among[np.argsort(-score[among], kind="stable")[:n]]
+        rates[name] = float(success[best].mean())
+    return rates
+
+
+def random_rate(success: np.ndarray, grasp_type: np.ndarray, among: np.ndarray | None = None) -> Rates:
+    """The share of successes of each type (CG: of both), of all grasps or of those `among` (G,) bool.
+
+    Where none is among them, picking one at random cannot succeed: 0.
+    """
+    kept = np.ones(len(success), dtype=bool) if among is None else among
+    chosen = {name: success[kept & of_type(grasp_type, name)] for name in TYPES}
+    return {name: float(held.mean()) if len(held) else 0.0 for name, held in chosen.items()}
+
+
+def ceiling(success: np.ndarray, grasp_type: np.ndarray, n: int) -> Rates:
+    """What the n best grasps by outcome would give: no ranking can do better."""
+    return {name: min(n, int(success[of_type(grasp_type, name)].sum())) / n for name in TYPES}
+
+
+def class_means(classes: Sequence[str], rates: Sequence[Mapping[str, float]]) -> dict[str, Rates]:
+    """Mean over the objects of each class, and over all objects (as in the paper: Table 1's "all")."""
+    return {
+        name: {kind: float(np.mean([rates[i][kind] for i in members])) for kind in rates[0]}
+        for name, members in _members(classes).items()
+    }
+
+
+def bootstrap_interval(
+    classes: Sequence[str], rates: Sequence[Mapping[str, float]], resamples: int, seed: int
+) -> dict[str, dict[str, list[float]]]:
+    """95 % percentile intervals of `class_means` over objects drawn with replacement, within their class.
+
+    "all" is the mean over the resampled classes together: their sizes are part of the design, not of chance.
+    """
+    rng = np.random.default_rng(seed)
+    kinds = list(rates[0])
+    values = np.array([[rate[kind] for kind in kinds] for rate in rates])
+    means: dict[str, np.ndarray] = {}
+    total, count = np.zeros((resamples, len(kinds))), 0
+    for name, members in _members(classes).items():
+        if name == "all":
+            continue
+        drawn = rng.choice(members, size=(resamples, len(members)))
+        sums = values[drawn].sum(axis=1)
+        means[name] = sums / len(members)
+        total, count = total + sums, count + len(members)
+    means["all"] = total / count
+    return {
+        name: {kind: np.quantile(mean[:, j], (0.025, 0.975)).tolist() for j, kind in enumerate(kinds)}
+        for name, mean in means.items()
+    }
+
+
+def _members(classes: Sequence[str]) -> dict[str, np.ndarray]:
+    """Indices of the objects of each class that occurs, in the contract's order, then of all."""
+    labels = np.asarray(classes)
+    present = {name: np.flatnonzero(labels == name) for name in CLASSES if (labels == name).any()}
+    return {**present, "all": np.arange(len(labels))}

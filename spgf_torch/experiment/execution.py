@@ -1,0 +1,89 @@
+"""Executing a model's best grasps on objects that were never tried: SAPIEN has the last word."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from spgf_torch.config import GRASP_TYPES, SamplerConfig
+from spgf_torch.experiment.describe import Grasps
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.progress import Stages
+from spgf_torch.trials.candidates import sample_candidates
+from spgf_torch.trials.runner import Trials, execute
+from spgf_torch.trials.table import OUTCOMES
+
+SUCCESS = OUTCOMES.index("success")
+
+
+@dataclass(frozen=True)
+class Executed:
+    """What SAPIEN made of one object's grasps.
+
+    Attributes:
+        best: grasp type or "CG" -> indices (<= N,) int64 of the highest-ranked grasps, best first.
+        success: (G,) bool; meaningful where `ran`.
+        ran: (G,) bool, which grasps were executed: the best ones and the random sample.
+        random: grasp type -> indices (R,) int64 of the random sample.
+    """
+
+    best: dict[str, Tensor]
+    success: Tensor
+    ran: Tensor
+    random: dict[str, Tensor]
+
+    def rate(self, chosen: Tensor) -> float:
+        """Share of successes among the grasps `chosen`."""
+        return float(self.success[chosen].float().mean())
+
+
+def candidate_grasps(obj: GraspObject, count: int, sampler: SamplerConfig, seed: int) -> Grasps:
+    """`count` candidates of each type, from the sampler that the trial table was made with."""
+    rng = np.random.default_rng([seed, zlib.crc32(obj.name.encode())])
+    poses = [sample_candidates(obj, count, sampler, rng) for _ in GRASP_TYPES]
+    return Grasps(torch.cat(poses), torch.arange(len(GRASP_TYPES)).repeat_interleave(count))
+
+
+def best_grasps(score: Tensor, grasp_type: Tensor, n: int) -> dict[str, Tensor]:
+    """The n highest-ranked grasps of each type and of both together (CG), best first; ties by index."""
+    order = torch.argsort(score, descending=True, stable=True)
+    best = {kind: order[grasp_type[order] == code][:n] for code, kind in enumerate(GRASP_TYPES)}
+    return {**best, "CG": order[:n]}
+
+
+def execute_best(
+    objects: Sequence[GraspObject],
+    grasps: Sequence[Grasps],
+    score: Sequence[Tensor],
+    trials: Trials,
+    n: int,
+    random_trials: int,
+    workers: int,
+    stages: Stages,
+) -> list[Executed]:
+    """Execute the n best grasps of each type, and the first `random_trials` candidates of each: a random sample."""
+    best = [best_grasps(s, g.grasp_type, n) for s, g in zip(score, grasps, strict=True)]
+    random = [
+        {kind: (g.grasp_type == code).nonzero()[:, 0][:random_trials] for code, kind in enumerate(GRASP_TYPES)}
+        for g in grasps
+    ]
+    chosen = [
+        torch.cat([b[kind], r[kind]]).unique() for b, r in zip(best, random, strict=True) for kind in GRASP_TYPES
+    ]
+    kinds = [(i, kind) for i in range(len(objects)) for kind in GRASP_TYPES]
+    requests = [
+        (objects[i], kind, grasps[i].T_object_tcp[which]) for (i, kind), which in zip(kinds, chosen, strict=True)
+    ]
+    success = [torch.zeros(len(g.grasp_type), dtype=torch.bool) for g in grasps]
+    ran = [torch.zeros_like(s) for s in success]
+    with stages.stage("trials", sum(map(len, chosen)), "grasps") as advance:
+        outcomes = execute(requests, trials, workers, lambda _, done: advance(done))
+        for (i, _), which, codes in zip(kinds, chosen, outcomes, strict=True):
+            success[i][which] = codes == SUCCESS
+            ran[i][which] = True
+    return [Executed(*row) for row in zip(best, success, ran, random, strict=True)]

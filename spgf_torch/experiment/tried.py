@@ -1,0 +1,60 @@
+"""The grasps that were tried on the objects, and the open hand that would try them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from omegaconf import OmegaConf
+from torch import Tensor
+
+from spgf_torch.affordance.sensed_collision import HandVolume, hand_volume
+from spgf_torch.config import HandConfig, InputError, TrainConfig, find
+from spgf_torch.experiment.describe import Grasps
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.trials.hand import load_hand
+from spgf_torch.trials.runner import Trials, origin
+from spgf_torch.trials.table import read_tables
+
+
+@dataclass(frozen=True)
+class Tried:
+    """The trials on one object.
+
+    Attributes:
+        grasps: what was tried.
+        success (G,) bool: how it ended.
+    """
+
+    grasps: Grasps
+    success: Tensor
+
+
+def tried_grasps(objects: Sequence[GraspObject], config: TrainConfig) -> list[Tried]:
+    """The trials on each object, in its order.
+
+    Raises InputError where a table is missing, damaged, or was made with another hand, object, sampler or episode
+    than the settings'. How many candidates and which seed is up to the table, the same for all of its files.
+    """
+    folder = find(config.trials)
+    candidates, seed = _made_with(folder / "config.yaml")
+    trials = Trials(load_hand(config.hand), config.episode)
+    expected = [origin(obj, trials, config.sampler, candidates, seed) for obj in objects]
+    return [Tried(Grasps(t.T_object_tcp, t.grasp_type), t.success) for t in read_tables(folder, expected)]
+
+
+def open_hand(config: HandConfig) -> dict[str, HandVolume]:
+    """Grasp type -> the volume of the hand in its preshape, in the TCP frame."""
+    return {name: hand_volume(preshape.shapes) for name, preshape in load_hand(config).preshapes.items()}
+
+
+def _made_with(path: Path) -> tuple[int, int]:
+    """How many candidates of each type, and the seed, of the trials that `simulate` left beside this file."""
+    if not path.is_file():
+        raise InputError(f"{path}: expected the settings of a trial table (python -m spgf_torch.simulate), got no file")
+    settings = OmegaConf.load(path)
+    try:
+        return int(settings.candidates), int(settings.seed)
+    except (AttributeError, TypeError, ValueError):
+        raise InputError(f"{path}: expected the keys candidates and seed, got something else") from None
