@@ -1,4 +1,4 @@
-"""`python -m spgf_torch.evaluate objects=FOLDER`: a trained model's best grasps on scanned meshes, executed in SAPIEN."""
+"""`python -m spgf_torch.evaluate objects=FOLDER`: a trained model's best grasps on scanned meshes, held in SAPIEN."""
 
 from __future__ import annotations
 

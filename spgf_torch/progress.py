@@ -5,12 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 # Seconds between lines where there is no terminal to draw a bar in.
 EVERY = 20.0
+# Columns of tables where there is no terminal.
+WIDTH = 130
 
 console = Console(stderr=True, highlight=False, soft_wrap=True)
 
@@ -54,3 +57,9 @@ class Stages:
         taken = time.perf_counter() - start
         self.seconds[name] = self.seconds.get(name, 0.0) + taken
         console.print(f"{name:12} {done:6d} {unit:10} done in {taken:6.1f} s")
+
+
+def show(content: Any) -> None:
+    """Print a table or a line on stdout; where that is no terminal, tables get the width they need."""
+    out = Console(highlight=False, soft_wrap=isinstance(content, str))
+    out.print(content, width=None if out.is_terminal else WIDTH)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from omegaconf import OmegaConf
-from rich import print as show
 
 from spgf_torch.cli import door
 from spgf_torch.config import InputError, SimulateConfig, find, plain
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
 from spgf_torch.objects.scans import load_scans
-from spgf_torch.progress import Stages
+from spgf_torch.progress import Stages, show
 
 
 def run(config: SimulateConfig, folder: Path) -> None:
@@ -41,10 +40,11 @@ def run(config: SimulateConfig, folder: Path) -> None:
         )
         for table in tables:
             write_table(table_path(out, table.object_name), table)
-    show(random_rates(objects, [read_table(table_path(out, obj.name)) for obj in objects]))
+    made = [read_table(table_path(out, obj.name)) for obj in objects]
+    show(random_rates([obj.category for obj in objects], [t.success for t in made], [t.grasp_type for t in made]))
     if waiting:
-        print(f"{total / stages.seconds['trials']:.0f} candidates/s")
-    print(f"{len(objects)} files in {out}")
+        show(f"{total / stages.seconds['trials']:.0f} candidates/s")
+    show(f"{len(objects)} files in {out}")
 
 
 def read_objects(config: SimulateConfig) -> list[GraspObject]:

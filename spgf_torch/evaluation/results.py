@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.config import CLASSES, GRASP_TYPES, InputError
+from spgf_torch.config import CLASSES, GRASP_TYPES, InputError, TrainConfig
 from spgf_torch.evaluation.success import (
     TYPES,
     Rates,
@@ -67,27 +67,27 @@ def object_rates(novel: Novel, n: int) -> ObjectRates:
     )
 
 
-def build_results(
-    objects: Sequence[Novel], *, K: int, n: int, seed: int, ranking: str, resamples: int, seconds: Mapping[str, float]
-) -> dict[str, Any]:
-    """The content of `results.json` (design/ARCHITECTURE.md, contract)."""
-    classes, rates = [o.category for o in objects], [object_rates(o, n) for o in objects]
-    by_ranking = {name: class_means(classes, [r.by_ranking[name] for r in rates]) for name in objects[0].scores}
+def build_results(objects: Sequence[Novel], config: TrainConfig, seconds: Mapping[str, float]) -> dict[str, Any]:
+    """The content of `results.json`: rates are fractions, `seconds` are wall times by stage."""
+    classes, rates = [o.category for o in objects], [object_rates(o, config.N) for o in objects]
+    rankings = {name: [r.by_ranking[name] for r in rates] for name in objects[0].scores}
+    by_ranking = {name: class_means(classes, of_objects) for name, of_objects in rankings.items()}
+    intervals = {
+        name: bootstrap_interval(classes, of_objects, config.bootstrap, config.seed)
+        for name, of_objects in rankings.items()
+    }
     random = class_means(classes, [{kind: r.random[kind] for kind in GRASP_TYPES} for r in rates])
     return {
         "schema": SCHEMA,
-        "K": K,
-        "N": n,
-        "seed": seed,
-        "folds": len({o.fold for o in objects}),
-        "ranking": ranking,
-        "success_rate": by_ranking[ranking],
-        "interval95": bootstrap_interval(classes, [r.by_ranking[ranking] for r in rates], resamples, seed),
+        "K": config.K,
+        "N": config.N,
+        "seed": config.seed,
+        "folds": config.folds,
+        "ranking": config.ranking,
+        "success_rate": by_ranking[config.ranking],
+        "interval95": intervals[config.ranking],
         "by_ranking": by_ranking,
-        "interval95_by_ranking": {
-            name: bootstrap_interval(classes, [r.by_ranking[name] for r in rates], resamples, seed)
-            for name in by_ranking
-        },
+        "interval95_by_ranking": intervals,
         "random": random,
         "random_collision_free": class_means(classes, [r.random_collision_free for r in rates]),
         "ceiling": class_means(classes, [r.ceiling for r in rates]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
 from spgf_torch.config import CLASSES, GRASP_TYPES
@@ -32,7 +33,7 @@ def results_table(results: Mapping[str, Any]) -> Table:
 
 def random_rates(classes: Sequence[str], success: Sequence[Any], grasp_type: Sequence[Any]) -> Table:
     """Chance in a trial table beside the paper's: of each object its class, success (G,) bool, type (G,) int."""
-    rates = [random_rate(held, kind) for held, kind in zip(success, grasp_type, strict=True)]
+    rates = [random_rate(np.asarray(held), np.asarray(kind)) for held, kind in zip(success, grasp_type, strict=True)]
     ours = class_means(classes, [{kind: rate[kind] for kind in GRASP_TYPES} for rate in rates])
     table = _empty("Success-rate (%) of a random candidate", GRASP_TYPES)
     table.add_row("paper", *_cells(paper.RANDOM, GRASP_TYPES, scale=1))

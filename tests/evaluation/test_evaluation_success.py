@@ -1,0 +1,147 @@
+"""Folds, success-rates, chance, ceiling and intervals: by hand, and as the contract of results.json says."""
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from spgf_torch.config import InputError, TrainConfig
+from spgf_torch.evaluation import paper, tables
+from spgf_torch.evaluation.executed import ObjectOutcome, executed_results
+from spgf_torch.evaluation.folds import stratified_folds
+from spgf_torch.evaluation.results import Novel, build_results, object_rates, read_results, write_json, write_per_object
+from spgf_torch.evaluation.success import bootstrap_interval, ceiling, class_means, random_rate, top_n
+
+CLASSES_OF_50 = ["containers"] * 20 + ["boxes"] * 14 + ["curved"] * 16
+
+
+def test_folds_spread_every_class_evenly() -> None:
+    fold = stratified_folds(CLASSES_OF_50, 5, seed=0)
+    assert np.bincount(fold).tolist() == [10] * 5
+    for name in set(CLASSES_OF_50):
+        counts = np.bincount(fold[np.array(CLASSES_OF_50) == name], minlength=5)
+        assert counts.max() - counts.min() <= 1
+    assert np.array_equal(fold, stratified_folds(CLASSES_OF_50, 5, seed=0))
+    assert not np.array_equal(fold, stratified_folds(CLASSES_OF_50, 5, seed=1))
+
+
+def hand_made() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Six grasps, three of each type; scores with a tie between grasps 1 and 4."""
+    score = np.array([0.9, 0.5, 0.1, 0.8, 0.5, 0.2])
+    success = np.array([True, False, True, False, True, True])
+    return score, success, np.array([0, 0, 0, 1, 1, 1])
+
+
+def test_top_n_by_hand() -> None:
+    """Best two NPG: 0, 1 -> 1/2; WPG: 3, 4 -> 1/2; both together: 0, 3, and of the tie the earlier: 1 -> 1/3."""
+    assert top_n(*hand_made(), n=2) == {"NPG": 0.5, "WPG": 0.5, "CG": 0.5}
+    assert top_n(*hand_made(), n=3)["CG"] == pytest.approx(1 / 3)
+
+
+def test_grasps_without_support_come_last() -> None:
+    score, success, grasp_type = hand_made()
+    score[0] = -np.inf
+    assert top_n(score, success, grasp_type, n=1)["NPG"] == 0.0
+
+
+def test_random_and_ceiling_by_hand() -> None:
+    _, success, grasp_type = hand_made()
+    assert random_rate(success, grasp_type) == pytest.approx({"NPG": 2 / 3, "WPG": 2 / 3, "CG": 4 / 6})
+    among = np.array([True, True, False, False, False, False])
+    assert random_rate(success, grasp_type, among) == {"NPG": 0.5, "WPG": 0.0, "CG": 0.5}
+    assert ceiling(success, grasp_type, 4) == {"NPG": 0.5, "WPG": 0.5, "CG": 1.0}
+
+
+def test_all_is_the_mean_over_objects_as_in_table_1() -> None:
+    """Paper, K = 20, NPG: (20 * 78.0 + 14 * 13.6 + 16 * 6.3) / 50 = 37.0; WPG 70.4; CG 83.8 (rounded inputs)."""
+    row = paper.SUCCESS_RATE[20]
+    means = class_means(CLASSES_OF_50, [row[name] for name in CLASSES_OF_50])
+    assert means["all"] == pytest.approx(row["all"], abs=0.06)
+    assert list(means) == ["containers", "boxes", "curved", "all"]
+
+
+def test_interval_of_equal_objects_is_a_point() -> None:
+    interval = bootstrap_interval(CLASSES_OF_50, [{"NPG": 0.3}] * 50, 200, seed=0)
+    assert interval["all"]["NPG"] == pytest.approx([0.3, 0.3])
+
+
+def test_interval_of_a_proportion() -> None:
+    """100 objects, half of them 1: the mean's standard error is 0.05, so 95 % lie within 0.5 +- 0.098."""
+    rates = [{"NPG": float(i % 2)} for i in range(100)]
+    low, high = bootstrap_interval(["boxes"] * 100, rates, 20_000, seed=0)["boxes"]["NPG"]
+    assert (low, high) == pytest.approx((0.402, 0.598), abs=0.012)
+
+
+def novel_objects() -> list[Novel]:
+    rng = np.random.default_rng(0)
+    objects = []
+    for i, name in enumerate(["containers"] * 4 + ["boxes"] * 3 + ["curved"] * 3):
+        success, grasp_type = rng.random(60) < 0.4, np.arange(60) % 2
+        scores = {"paper": rng.random(60), "log_odds": success + 0.1 * rng.random(60)}
+        objects.append(Novel(f"o{i}", name, i % 5, scores, success, grasp_type, rng.random(60) < 0.3))
+    return objects
+
+
+@pytest.fixture
+def config() -> TrainConfig:
+    return TrainConfig(K=20, N=10, folds=5, seed=0, ranking="paper", bootstrap=200)
+
+
+def test_results_keep_the_contract(config: TrainConfig) -> None:
+    results = build_results(novel_objects(), config, {"sensing": 1.0, "total": 2.0})
+    blocks = {"success_rate": 3, "random": 2, "random_collision_free": 3, "ceiling": 3}
+    for block, kinds in blocks.items():
+        assert list(results[block]) == ["containers", "boxes", "curved", "all"]
+        assert all(len(rates) == kinds for rates in results[block].values())
+    assert results["schema"] == 1 and results["K"] == 20 and results["folds"] == 5
+    assert results["success_rate"] == results["by_ranking"]["paper"]
+    low, high = results["interval95"]["all"]["CG"]
+    assert low <= results["success_rate"]["all"]["CG"] <= high
+    assert results["by_ranking"]["log_odds"]["all"]["CG"] == 1.0  # its scores know the outcome
+
+
+def test_files_round_trip(config: TrainConfig, tmp_path) -> None:
+    objects = novel_objects()
+    write_json(tmp_path / "results.json", build_results(objects, config, {"total": 2.0}))
+    assert read_results(tmp_path / "results.json")["success_rate"]["all"].keys() == {"NPG", "WPG", "CG"}
+    write_per_object(tmp_path / "per_object.csv", objects, 10)
+    rows = list(csv.DictReader((tmp_path / "per_object.csv").read_text().splitlines()))
+    assert [row["object"] for row in rows] == [f"o{i}" for i in range(10)]
+    expected = object_rates(objects[3], 10).by_ranking["paper"]["CG"]
+    assert float(rows[3]["paper_CG"]) == pytest.approx(expected)
+    assert not list(tmp_path.glob("*.part"))
+
+
+@pytest.mark.parametrize("content", [None, "", "{", "[]", '{"schema": 2}', json.dumps({"schema": 1})])
+def test_foreign_results_are_refused(content: str | None, tmp_path) -> None:
+    path = tmp_path / "results.json"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(InputError, match=r"results\.json") as error:
+        read_results(path)
+    assert "\n" not in str(error.value)
+
+
+def test_the_table_shows_the_paper_beside_ours(config: TrainConfig) -> None:
+    console = Console(width=130, record=True, file=io.StringIO())
+    console.print(tables.results_table(build_results(novel_objects(), config, {})))
+    text = console.export_text()
+    assert "83.8" in text and "ours, log_odds" in text and "100.0" in text and "…" not in text
+
+
+def test_executed_results_keep_the_contract() -> None:
+    kinds = ("NPG", "WPG", "CG")
+    outcomes = [
+        ObjectOutcome(f"o{i}", name, dict.fromkeys(kinds, rate), dict.fromkeys(kinds, 0.1), 0.5)
+        for i, (name, rate) in enumerate([("containers", 1.0), ("boxes", 0.5), ("curved", 0.0)])
+    ]
+    results = executed_results(outcomes, n=10, ranking="paper", resamples=200, seed=0)
+    assert results["success_rate"]["all"]["CG"] == pytest.approx(0.5)
+    assert results["per_object"][1] | {"seconds": 0} == {
+        "object": "o1", "class": "boxes", "NPG": 0.5, "WPG": 0.5, "CG": 0.5,
+        "random": dict.fromkeys(kinds, 0.1), "seconds": 0,
+    }  # fmt: skip
+    assert "o2" in str(tables.executed_table(results).columns[0]._cells)
