@@ -48,10 +48,9 @@ class Simulator:
 
     def run(self, T_object_tcp: np.ndarray, grasp_type: str) -> str:
         """The outcome of grasping at T_object_tcp (4, 4): one of `table.OUTCOMES` but "collision"."""
-        _configure(self.config)
-        return _Trial(self, np.asarray(T_object_tcp, dtype=np.float64), grasp_type).run()
+        return Trial(self, np.asarray(T_object_tcp, dtype=np.float64), grasp_type).run()
 
-    def _add_object(self, scene: sapien.Scene) -> physx.PhysxRigidDynamicComponent:
+    def add_object(self, scene: sapien.Scene) -> physx.PhysxRigidDynamicComponent:
         body = physx.PhysxRigidDynamicComponent()
         for part in self._parts:
             body.attach(part)
@@ -64,24 +63,25 @@ class Simulator:
         scene.add_entity(entity)
         return body
 
-    def _add_hand(self, scene: sapien.Scene, T_object_base: np.ndarray) -> physx.PhysxArticulation:
+    def add_hand(self, scene: sapien.Scene, T_object_base: np.ndarray) -> physx.PhysxArticulation:
         self._builder.set_scene(scene)
         self._builder.set_initial_pose(_pose(T_object_base[:3, :3], T_object_base[:3, 3]))
         return self._builder.build(fix_root_link=True, build_mimic_joints=False)
 
 
-class _Trial:
+class Trial:
     """The phases of one trial: close, settle, hold, shake."""
 
     def __init__(self, simulator: Simulator, T_object_tcp: np.ndarray, grasp_type: str) -> None:
         self.config, self.hand = simulator.config, simulator.hand
+        _configure(self.config)
         preshape = simulator.hand.preshapes[grasp_type]
         self.system = physx.PhysxCpuSystem()
         self.scene = sapien.Scene([self.system])
         self.scene.timestep = self.config.dt
-        self.object = simulator._add_object(self.scene)
+        self.object = simulator.add_object(self.scene)
         self.mass = simulator.obj.mass
-        self.articulation = simulator._add_hand(self.scene, T_object_tcp @ np.linalg.inv(preshape.T_base_tcp))
+        self.articulation = simulator.add_hand(self.scene, T_object_tcp @ np.linalg.inv(preshape.T_base_tcp))
         self._set_joints(preshape.joints)
         self.tcp = sapien.Pose(p=T_object_tcp[:3, 3])
         self.least_cosine = math.cos(math.radians(self.config.max_rotation_deg) / 2)

@@ -18,7 +18,7 @@ import numpy as np
 import trimesh
 from scipy.optimize import brentq
 
-from spgf_torch.config import FingerConfig, HandConfig, InputError, find, plain, typed
+from spgf_torch.config import GRASP_TYPES, FingerConfig, HandConfig, InputError, find, plain, typed
 
 
 @dataclass(frozen=True)
@@ -110,6 +110,8 @@ class Kinematics:
         fingers = self.config.fingers
         if len(fingers) != 2 or any(len(finger.pad) != 3 for finger in fingers):
             raise InputError("hand.fingers: expected two fingers, each with a pad of three coordinates")
+        if absent := set(GRASP_TYPES) - set(self.config.openings):
+            raise InputError(f"hand.openings: expected one for {min(absent)}, got none")
         wanted = {finger.pad_link for finger in fingers}
         named = set(self.fixed) | {name for finger in fingers for name in (finger.proximal, finger.distal) if name}
         if self.config.base_link != (root := self.robot.get_root()):
