@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import ConvexHull
 
-SEGMENTS = 24  # around a circle: 0.9 % of the radius between facet and corner; 194 corners on a ball (PhysX takes 255)
+SEGMENTS = 20  # around a circle: 1.2 % of the radius between facet and corner; a trial costs by the number of parts
 CORNER_STEP = np.deg2rad(30.0)  # facets of a rounded vertical edge
 
 Triangles = np.ndarray  # (T, 3, 3) float64, counter-clockwise seen from outside
@@ -108,18 +108,16 @@ def convex_stretches(chain: np.ndarray) -> Iterator[np.ndarray]:
 
 def shell_of(section: Section, outer: np.ndarray, wall: float, base: float, handle: Handle | None = None) -> Solid:
     """An open vessel: a floor of height `base` and walls of thickness `wall` inside the profile (M, 2)."""
-    arm = None
-    if handle is not None:
-        outer, steps = handle.cut(outer)
-        arm = handle.solid(outer[steps[0] : steps[-1] + 2], section)
     inner = inner_profile(outer, wall, base)
     floor = np.concatenate([section.ring(*outer[0]), section.ring(*inner[0])])
     cells = [np.stack([outer[i], outer[i + 1], inner[i + 1], inner[i]]) for i in range(len(outer) - 1)]
-    walls = [section.wedge(k, cell) for cell in cells for k in range(len(section.corners))]
-    surface = loft(section, np.concatenate([outer, inner[::-1]]), frozenset(steps) if arm else frozenset())
-    if arm is None:
-        return Solid(surface, (floor, *walls))
-    return Solid(np.concatenate([surface, arm.triangles]), (floor, *walls, *arm.parts))
+    parts = (floor, *(section.wedge(k, cell) for cell in cells for k in range(len(section.corners))))
+    if handle is None:
+        return Solid(loft(section, np.concatenate([outer, inner[::-1]])), parts)
+    cut, steps = handle.cut(outer)
+    surface = loft(section, np.concatenate([cut, inner[::-1]]), frozenset(steps))
+    bar = handle.solid(cut[steps[0] : steps[-1] + 2], section)
+    return Solid(np.concatenate([surface, bar.triangles]), (*parts, *bar.parts))
 
 
 def inner_profile(outer: np.ndarray, wall: float, base: float) -> np.ndarray:
