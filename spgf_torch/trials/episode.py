@@ -140,7 +140,7 @@ class Trial:
                 targets[k] = max(targets[k], ahead)
                 self.proximal_joints[k].set_drive_target(closing * targets[k])
             self._turn_distal(q)
-            self.scene.step()
+            self.system.step()
             q = self.articulation.qpos
             if step % window == 0:
                 now = [closing * float(q[index]) for index in self.proximal]
@@ -158,7 +158,7 @@ class Trial:
         """Proximal targets frozen, distal joints still following: the grasp settles."""
         for _ in range(round(duration / self.config.dt)):
             self._turn_distal(self.articulation.qpos)
-            self.scene.step()
+            self.system.step()
 
     def _load(self, acceleration: np.ndarray, duration: float, start: sapien.Pose) -> str | None:
         """Accelerate the object for a while; the failure, if it moved too far in the hand."""
@@ -166,7 +166,7 @@ class Trial:
         steps = round(duration / self.config.dt)
         for step in range(1, steps + 1):
             self.object.add_force_torque(force, torque)
-            self.scene.step()
+            self.system.step()
             if step % CHECK_STEPS == 0 or step == steps:
                 failure = self._failure(start)
                 if failure:
