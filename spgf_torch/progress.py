@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 # Seconds between lines where there is no terminal to draw a bar in.
 EVERY = 20.0
 # Columns of tables where there is no terminal.
-WIDTH = 130
+WIDTH = 120
 
 console = Console(stderr=True, highlight=False, soft_wrap=True)
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from rich import box
 from rich.table import Table
 
 from spgf_torch.config import CLASSES, GRASP_TYPES
@@ -62,7 +63,7 @@ def executed_table(results: Mapping[str, Any]) -> Table:
 
 
 def _empty(title: str, kinds: Sequence[str] = ("NPG", "WPG", "CG")) -> Table:
-    table = Table(title=title, padding=(0, 0, 0, 1))
+    table = Table(title=title, padding=0, box=box.SIMPLE_HEAD)
     table.add_column("", no_wrap=True)
     for name in (*CLASSES, "all"):
         for kind in kinds:
