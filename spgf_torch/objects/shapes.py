@@ -27,7 +27,7 @@ from spgf_torch.objects.lofts import (
 )
 
 LARGEST = 1.0  # m; a household object that a hand lifts
-LATITUDES = 9  # bands of an ellipsoid: 0.5 mm between facet and sphere on a tennis ball
+LATITUDES = 10  # bands of an ellipsoid, even so that the widest ring is there; 182 corners (PhysX takes 255)
 
 
 class Shape(Protocol):
