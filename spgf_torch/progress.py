@@ -62,4 +62,6 @@ class Stages:
 def show(content: Any) -> None:
     """Print a table or a line on stdout; where that is no terminal, tables get the width they need."""
     out = Console(highlight=False, soft_wrap=isinstance(content, str))
-    out.print(content, width=None if out.is_terminal else WIDTH)
+    if not out.is_terminal:
+        out.width = WIDTH
+    out.print(content)

@@ -11,24 +11,41 @@ from rich.table import Table
 
 from spgf_torch.config import CLASSES, GRASP_TYPES
 from spgf_torch.evaluation import paper
-from spgf_torch.evaluation.success import class_means, random_rate
+from spgf_torch.evaluation.success import TYPES, class_means, random_rate
 
 Block = Mapping[str, Mapping[str, float]]
 
 
 def results_table(results: Mapping[str, Any]) -> Table:
-    """Table 1's row for this K: ours by every ranking with 95 % intervals, the paper's, chance, ceiling; in percent."""
+    """Table 1 for this K, in percent: the paper's rate, ours by every ranking with 95 % intervals, chance, ceiling.
+
+    A row a class and type, so that it fits 80 columns.
+    """
     K = results["K"]
-    table = _empty(f"Success-rate (%) of the {results['N']} highest-ranked grasps on novel objects, K = {K}")
-    if K in paper.SUCCESS_RATE:
-        table.add_row("paper", *_cells(paper.SUCCESS_RATE[K], scale=1))
-    for ranking, block in results["by_ranking"].items():
-        table.add_row(f"ours, {ranking}", *_cells(block))
-        table.add_row("  95 % interval", *_intervals(results["interval95_by_ranking"][ranking]), end_section=True)
-    table.add_row("random, paper", *_cells(paper.RANDOM, scale=1))
-    table.add_row("random, ours", *_cells(results["random"]))
-    table.add_row("random, no sensed collision", *_cells(results["random_collision_free"]))
-    table.add_row("ceiling", *_cells(results["ceiling"]))
+    table = Table(
+        title=f"Success-rate (%) of the {results['N']} highest-ranked grasps on novel objects, K = {K}",
+        caption="(low-high): 95 % interval over objects. free: candidates without a sensed collision.",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 0, 0, 1),
+    )
+    table.add_column("", no_wrap=True)
+    headings = ["the\npaper", *(f"ours\n{name}" for name in results["by_ranking"])]
+    for heading in [*headings, "random\npaper", "random\nours", "random\nfree", "ceil-\ning"]:
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name in (*CLASSES, "all"):
+        for kind in TYPES:
+            ours = [
+                f"{_percent(block, name, kind)} {_interval(results['interval95_by_ranking'][ranking], name, kind)}"
+                for ranking, block in results["by_ranking"].items()
+            ]
+            table.add_row(
+                f"{name} {kind}",
+                _percent(paper.SUCCESS_RATE.get(K, {}), name, kind, scale=1),
+                *ours,
+                _percent(paper.RANDOM, name, kind, scale=1),
+                *(_percent(results[block], name, kind) for block in ("random", "random_collision_free", "ceiling")),
+                end_section=kind == TYPES[-1],
+            )
     return table
 
 
@@ -36,9 +53,9 @@ def random_rates(classes: Sequence[str], success: Sequence[Any], grasp_type: Seq
     """Chance in a trial table beside the paper's: of each object its class, success (G,) bool, type (G,) int."""
     rates = [random_rate(np.asarray(held), np.asarray(kind)) for held, kind in zip(success, grasp_type, strict=True)]
     ours = class_means(classes, [{kind: rate[kind] for kind in GRASP_TYPES} for rate in rates])
-    table = _empty("Success-rate (%) of a random candidate", GRASP_TYPES)
-    table.add_row("paper", *_cells(paper.RANDOM, GRASP_TYPES, scale=1))
-    table.add_row("this table", *_cells(ours, GRASP_TYPES))
+    table = Table("", "paper", "this table", title="Success-rate (%) of a random candidate", box=box.SIMPLE_HEAD)
+    for name, kind in ((name, kind) for name in ours for kind in GRASP_TYPES):
+        table.add_row(f"{name} {kind}", _percent(paper.RANDOM, name, kind, scale=1), _percent(ours, name, kind))
     return table
 
 
@@ -62,21 +79,11 @@ def executed_table(results: Mapping[str, Any]) -> Table:
     return table
 
 
-def _empty(title: str, kinds: Sequence[str] = ("NPG", "WPG", "CG")) -> Table:
-    table = Table(title=title, padding=0, box=box.SIMPLE_HEAD)
-    table.add_column("", no_wrap=True)
-    for name in (*CLASSES, "all"):
-        for kind in kinds:
-            label = {"containers": "cont", "boxes": "box", "curved": "curv"}.get(name, name)
-            table.add_column(f"{label}\n{kind}", justify="right", no_wrap=True)
-    return table
+def _percent(block: Block, name: str, kind: str, scale: float = 100) -> str:
+    rate = block.get(name, {}).get(kind)
+    return "-" if rate is None else f"{scale * rate:.1f}"
 
 
-def _cells(block: Block, kinds: Sequence[str] = ("NPG", "WPG", "CG"), scale: float = 100) -> list[str]:
-    rates = [block.get(name, {}).get(kind) for name in (*CLASSES, "all") for kind in kinds]
-    return ["-" if rate is None else f"{scale * rate:.1f}" for rate in rates]
-
-
-def _intervals(block: Mapping[str, Mapping[str, Sequence[float]]]) -> list[str]:
-    bounds = [block.get(name, {}).get(kind) for name in (*CLASSES, "all") for kind in ("NPG", "WPG", "CG")]
-    return ["-" if b is None else f"{100 * b[0]:.0f}-{100 * b[1]:.0f}" for b in bounds]
+def _interval(block: Mapping[str, Mapping[str, Sequence[float]]], name: str, kind: str) -> str:
+    low, high = block[name][kind]
+    return f"({100 * low:.0f}-{100 * high:.0f})"
