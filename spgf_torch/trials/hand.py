@@ -64,7 +64,7 @@ def load_hand(config: HandConfig) -> Hand:
 
     Raises InputError for a missing or unreadable URDF, a link or joint that it lacks, an opening out of reach.
     """
-    path = find(config.urdf)
+    path = find(config.urdf).resolve()  # workers may stand in another folder
     if not path.is_file():
         raise InputError(f"hand.urdf: expected a URDF file, got {config.urdf}")
     return _load(path, path.read_bytes(), json.dumps(plain(config), sort_keys=True))
