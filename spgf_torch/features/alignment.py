@@ -24,14 +24,22 @@ TIE = 1e-4
 def highest_curvature(rings: Tensor) -> Tensor:
     """The start cell (N,) int64 of rings (2, N, 2, cells) as `grid` makes them."""
     curvature = rings[1, :, 0]  # alpha2 of the top layer
-    tied = curvature >= curvature.amax(dim=1, keepdim=True) - TIE
+    highest, start = curvature.max(dim=1)
+    tied = curvature >= highest[:, None] - TIE
+    several = (tied.sum(dim=1) > 1).nonzero().flatten()
+    start[several] = widest_run(tied[several], content_after(rings[:, several]))
+    return start
+
+
+def widest_run(tied: Tensor, content: Tensor) -> Tensor:
+    """The centre (N,) of the widest run of True in tied (N, cells); of equal runs that of the highest content."""
+    cells = tied.shape[1]
     length = run_lengths(tied)
     widest = length.amax(dim=1, keepdim=True)
     to_centre = (widest - 1) // 2
-    cell = torch.arange(tied.shape[1], device=rings.device)
-    score_at_centre = content_after(rings).gather(1, (cell + to_centre) % tied.shape[1])
-    first = score_at_centre.masked_fill(length < widest, -math.inf).argmax(dim=1)
-    return (first + to_centre[:, 0]) % tied.shape[1]
+    at_centre = content.gather(1, (torch.arange(cells, device=tied.device) + to_centre) % cells)
+    first = at_centre.masked_fill(length < widest, -math.inf).argmax(dim=1, keepdim=True)
+    return ((first + to_centre) % cells).squeeze(1)
 
 
 def run_lengths(tied: Tensor) -> Tensor:
@@ -40,7 +48,7 @@ def run_lengths(tied: Tensor) -> Tensor:
     A ring that is True all round has no first cell: each cell is one, with the length of the ring.
     """
     cells = tied.shape[1]
-    ahead, step = tied.short(), 1  # tied cells from each cell on, counted up to `step`, which doubles
+    ahead, step = tied.int(), 1  # tied cells from each cell on, counted up to `step`, which doubles
     while step < cells:
         ahead = ahead + (ahead == step) * ahead.roll(-step, dims=1)
         step *= 2
@@ -54,7 +62,7 @@ def content_after(rings: Tensor) -> Tensor:
     k = torch.arange(cells, device=rings.device)
     ahead = (k[:, None] - k) % cells
     content = rings[0, :, 0] + rings[0, :, 1] + rings[1, :, 0] + rings[1, :, 1]
-    return content @ torch.exp(-ahead * (2 * math.pi / cells)).to(rings.dtype)
+    return content @ torch.exp(ahead.to(rings.dtype) * (-2 * math.pi / cells))
 
 
 def start_at(rings: Tensor, start: Tensor) -> Tensor:

@@ -89,7 +89,7 @@ def triangle(cells: int, half_length: int, like: Tensor) -> Tensor:
     k = torch.arange(cells, device=like.device)
     ahead = (k[:, None] - k) % cells
     distance = torch.minimum(ahead, (-ahead) % cells)
-    return ((half_length + 1 - distance).clamp(min=0) / (half_length + 1)).to(like.dtype)
+    return (half_length + 1 - distance).clamp(min=0).to(like.dtype) / (half_length + 1)
 
 
 def encode_gaps(rings: Tensor, filled: Tensor, gaps: str = "saturated") -> Tensor:

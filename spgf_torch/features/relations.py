@@ -1,9 +1,9 @@
 """Pairwise spatial relations (paper, section 3.1.1, Eqs. 2-4).
 
-The paper writes them with d = X1 - X2, from the neighbour to the centre. Here `local` (3, P) is
-X2 - X1, the neighbour as seen in the centre's frame (R_x, R_y, n1), in metres. The angles are the paper's,
-written with atan2, which keeps its accuracy where acos does not: near a right angle for alpha1, and near 0
-and pi for alpha2, where acos of a float32 is off by up to 5e-4 rad.
+The paper writes them with d = X1 - X2, from the neighbour to the centre. Here `local` (3, P) is X2 - X1, the
+neighbour as seen in the centre's frame (R_x, R_y, n1), in metres. The angles are the paper's, written with
+atan2, which keeps its accuracy where acos does not: near a right angle for alpha1, and near 0 and pi for
+alpha2, where acos of a float32 is off by up to 5e-4 rad.
 """
 
 from __future__ import annotations
@@ -57,5 +57,5 @@ def in_plane(local: Tensor) -> Tensor:
 
 
 def _length(v: Tensor) -> Tensor:
-    squares = v * v  # faster here than vector_norm over the first dimension, 20x
+    squares = v * v  # 20x faster than vector_norm over a first dimension of 3
     return (squares[0] + squares[1] + squares[2]).sqrt()

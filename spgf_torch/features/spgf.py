@@ -17,7 +17,7 @@ from spgf_torch.geometry.se3 import from_rotation
 
 # Pairs and features handled at once: their temporaries stay in a CPU's second-level cache. Accelerators take
 # more, to fill them.
-PAIRS, FEATURES = 1 << 14, 2048
+PAIRS, FEATURES = 1 << 14, 1 << 11
 ACCELERATOR = 1 << 7
 
 # The soft alignment looks for its direction on rings this many times finer (2 deg with 36 cells; FEATURES.md).
