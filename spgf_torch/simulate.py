@@ -10,7 +10,6 @@ from spgf_torch.cli import door
 from spgf_torch.config import InputError, SimulateConfig, find, plain
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
-from spgf_torch.objects.scans import load_scans
 from spgf_torch.progress import Stages, show
 
 
@@ -52,6 +51,8 @@ def read_objects(config: SimulateConfig) -> list[GraspObject]:
     folder = find(config.objects)
     if any(folder.glob("*.yaml")):
         return load_objects(folder)
+    from spgf_torch.objects.scans import load_scans
+
     return [scan.object for scan in load_scans(folder, config.unit, config.collision)]
 
 

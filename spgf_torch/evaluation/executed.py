@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from spgf_torch.config import EvaluateConfig
 from spgf_torch.evaluation.success import Rates, bootstrap_interval, class_means
 
 SCHEMA = 1
@@ -28,18 +29,16 @@ class ObjectOutcome:
     seconds: float
 
 
-def executed_results(
-    outcomes: Sequence[ObjectOutcome], *, n: int, ranking: str, resamples: int, seed: int
-) -> dict[str, Any]:
-    """The content of `results.json` of `evaluate` (design/ARCHITECTURE.md, contract)."""
+def executed_results(outcomes: Sequence[ObjectOutcome], config: EvaluateConfig) -> dict[str, Any]:
+    """The content of `results.json` of `evaluate`; rates are fractions."""
     classes = [o.category for o in outcomes]
     return {
         "schema": SCHEMA,
-        "N": n,
-        "ranking": ranking,
-        "seed": seed,
+        "N": config.N,
+        "ranking": config.ranking,
+        "seed": config.seed,
         "success_rate": class_means(classes, [o.best for o in outcomes]),
-        "interval95": bootstrap_interval(classes, [o.best for o in outcomes], resamples, seed),
+        "interval95": bootstrap_interval(classes, [o.best for o in outcomes], config.bootstrap, config.seed),
         "random": class_means(classes, [o.random for o in outcomes]),
         "per_object": [_row(o) for o in outcomes],
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich import box
@@ -12,6 +12,11 @@ from rich.table import Table
 from spgf_torch.config import CLASSES, GRASP_TYPES
 from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.success import TYPES, class_means, random_rate
+
+SHORT = {"containers": "cont"}  # as in the paper's Table 1: the table fits 80 columns
+
+if TYPE_CHECKING:
+    from spgf_torch.objects.scans import Scan
 
 Block = Mapping[str, Mapping[str, float]]
 
@@ -26,7 +31,9 @@ def results_table(results: Mapping[str, Any]) -> Table:
         title=f"Success-rate (%) of the {results['N']} highest-ranked grasps on novel objects, K = {K}",
         caption="(low-high): 95 % interval over objects. free: candidates without a sensed collision.",
         box=box.SIMPLE_HEAD,
+        show_edge=False,
         padding=(0, 0, 0, 1),
+        pad_edge=False,
     )
     table.add_column("", no_wrap=True)
     headings = ["the\npaper", *(f"ours\n{name}" for name in results["by_ranking"])]
@@ -39,7 +46,7 @@ def results_table(results: Mapping[str, Any]) -> Table:
                 for ranking, block in results["by_ranking"].items()
             ]
             table.add_row(
-                f"{name} {kind}",
+                f"{SHORT.get(name, name)} {kind}",
                 _percent(paper.SUCCESS_RATE.get(K, {}), name, kind, scale=1),
                 *ours,
                 _percent(paper.RANDOM, name, kind, scale=1),
@@ -76,6 +83,26 @@ def executed_table(results: Mapping[str, Any]) -> Table:
         table.add_row("mean", name, *(f"{100 * rate:.1f}" for rate in rates))
     low, high = results["interval95"]["all"]["CG"]
     table.caption = f"CG, all: 95 % interval over objects {100 * low:.0f} to {100 * high:.0f} %"
+    return table
+
+
+def scans_table(scans: Sequence[Scan]) -> Table:
+    """Of each scanned mesh: its collision pieces, and the checks that they keep its volume and its cavity."""
+    table = Table(title="Scanned meshes and their collision pieces", box=box.SIMPLE_HEAD)
+    for heading in ("object", "class", "extent (mm)", "mass (g)", "pieces", "volume ratio", "cavity kept (%)"):
+        table.add_column(heading, justify="left" if heading in ("object", "class") else "right")
+    for scan in scans:
+        extent = " x ".join(f"{1000 * side:.0f}" for side in scan.object.mesh.extents)
+        check = scan.check
+        table.add_row(
+            scan.object.name,
+            scan.object.category,
+            extent,
+            f"{1000 * scan.object.mass:.0f}",
+            str(check.pieces),
+            f"{check.volume_ratio:.2f}",
+            f"{100 * check.free_space_kept:.1f}",
+        )
     return table
 
 

@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.model import GraspModel, learn, scores, vote
-from spgf_torch.progress import Stages
 from spgf_torch.config import AffordanceConfig, PrototypeConfig
 from spgf_torch.experiment.describe import Described
+from spgf_torch.progress import Stages
 from spgf_torch.prototypes.kmeans import assign
 
 

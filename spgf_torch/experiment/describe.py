@@ -14,10 +14,10 @@ from torch import Tensor
 
 from spgf_torch.affordance.model import CellPairs, cell_pairs
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
-from spgf_torch.progress import Stages
 from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, SensingConfig
 from spgf_torch.features.spgf import Features, spgf
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.progress import Stages
 from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.texlets import Texlets
 

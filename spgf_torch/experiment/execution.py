@@ -10,7 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.config import GRASP_TYPES, SamplerConfig
+from spgf_torch.config import GRASP_TYPES, EvaluateConfig, SamplerConfig
+from spgf_torch.evaluation.executed import ObjectOutcome
 from spgf_torch.experiment.describe import Grasps
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
@@ -61,20 +62,16 @@ def execute_best(
     grasps: Sequence[Grasps],
     score: Sequence[Tensor],
     trials: Trials,
-    n: int,
-    random_trials: int,
-    workers: int,
+    config: EvaluateConfig,
     stages: Stages,
 ) -> list[Executed]:
-    """Execute the n best grasps of each type, and the first `random_trials` candidates of each: a random sample."""
-    best = [best_grasps(s, g.grasp_type, n) for s, g in zip(score, grasps, strict=True)]
+    """Execute the N best grasps of each type, and the first `random_trials` candidates of each: a random sample."""
+    best = [best_grasps(s, g.grasp_type, config.N) for s, g in zip(score, grasps, strict=True)]
     random = [
-        {kind: (g.grasp_type == code).nonzero()[:, 0][:random_trials] for code, kind in enumerate(GRASP_TYPES)}
+        {kind: (g.grasp_type == code).nonzero()[:, 0][: config.random_trials] for code, kind in enumerate(GRASP_TYPES)}
         for g in grasps
     ]
-    chosen = [
-        torch.cat([b[kind], r[kind]]).unique() for b, r in zip(best, random, strict=True) for kind in GRASP_TYPES
-    ]
+    chosen = [torch.cat([b[kind], r[kind]]).unique() for b, r in zip(best, random, strict=True) for kind in GRASP_TYPES]
     kinds = [(i, kind) for i in range(len(objects)) for kind in GRASP_TYPES]
     requests = [
         (objects[i], kind, grasps[i].T_object_tcp[which]) for (i, kind), which in zip(kinds, chosen, strict=True)
@@ -82,8 +79,19 @@ def execute_best(
     success = [torch.zeros(len(g.grasp_type), dtype=torch.bool) for g in grasps]
     ran = [torch.zeros_like(s) for s in success]
     with stages.stage("trials", sum(map(len, chosen)), "grasps") as advance:
-        outcomes = execute(requests, trials, workers, lambda _, done: advance(done))
+        outcomes = execute(requests, trials, config.workers, lambda _, done: advance(done))
         for (i, _), which, codes in zip(kinds, chosen, outcomes, strict=True):
             success[i][which] = codes == SUCCESS
             ran[i][which] = True
     return [Executed(*row) for row in zip(best, success, ran, random, strict=True)]
+
+
+def outcomes_of(objects: Sequence[GraspObject], executed: Sequence[Executed], seconds: float) -> list[ObjectOutcome]:
+    """Rates of each object; `seconds` of prediction an object."""
+    outcomes = []
+    for obj, ran in zip(objects, executed, strict=True):
+        random = {kind: ran.rate(chosen) for kind, chosen in ran.random.items()}
+        random["CG"] = ran.rate(torch.cat(list(ran.random.values())))
+        best = {kind: ran.rate(chosen) for kind, chosen in ran.best.items()}
+        outcomes.append(ObjectOutcome(obj.name, obj.category, best, random, seconds))
+    return outcomes

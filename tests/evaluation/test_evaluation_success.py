@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from spgf_torch.config import InputError, TrainConfig
+from spgf_torch.config import EvaluateConfig, InputError, TrainConfig
 from spgf_torch.evaluation import paper, tables
 from spgf_torch.evaluation.executed import ObjectOutcome, executed_results
 from spgf_torch.evaluation.folds import stratified_folds
@@ -138,7 +138,7 @@ def test_executed_results_keep_the_contract() -> None:
         ObjectOutcome(f"o{i}", name, dict.fromkeys(kinds, rate), dict.fromkeys(kinds, 0.1), 0.5)
         for i, (name, rate) in enumerate([("containers", 1.0), ("boxes", 0.5), ("curved", 0.0)])
     ]
-    results = executed_results(outcomes, n=10, ranking="paper", resamples=200, seed=0)
+    results = executed_results(outcomes, EvaluateConfig(N=10, ranking="paper", bootstrap=200, seed=0))
     assert results["success_rate"]["all"]["CG"] == pytest.approx(0.5)
     assert results["per_object"][1] | {"seconds": 0} == {
         "object": "o1", "class": "boxes", "NPG": 0.5, "WPG": 0.5, "CG": 0.5,
