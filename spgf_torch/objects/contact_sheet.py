@@ -49,7 +49,7 @@ def _draw(axis: Axes, item: GraspObject) -> None:
     shade = 0.45 + 0.55 * np.clip(mesh.face_normals[order] @ (LIGHT / np.linalg.norm(LIGHT)), 0.0, 1.0)
     colours = np.clip(shade[:, None] * to_rgb(COLOURS[item.category]), 0.0, 1.0)
     axis.add_collection(
-        PolyCollection(list(corners[order][..., :2]), facecolors=colours, linewidths=0, antialiased=False)
+        PolyCollection(list(corners[order][..., :2]), facecolors=colours, linewidths=0, antialiased=False, snap=False)
     )
     middle = (corners[..., :2].min(axis=(0, 1)) + corners[..., :2].max(axis=(0, 1))) / 2
     half = max(0.085, np.ptp(corners[..., :2], axis=(0, 1)).max() / 2 * 1.02)

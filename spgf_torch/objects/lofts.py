@@ -200,8 +200,8 @@ class Handle:
 def bent_of(radii: np.ndarray, bend: float, angle: float, sides: int = 12) -> Solid:
     """A bent bar: rings of the given radii, evenly spaced over `angle` (rad) of a circle of radius `bend`.
 
-    Between two rings of different size the quads are not flat: the surface is that of the hulls of neighbouring
-    rings, which meet in the rings' planes.
+    Lowest at z = 0. Between two rings of different size the quads are not flat: the surface is that of the hulls of
+    neighbouring rings, which meet in the rings' planes.
     """
     turns = np.linspace(-angle / 2, angle / 2, len(radii))
     around = np.arange(sides) * 2 * np.pi / sides
@@ -209,7 +209,8 @@ def bent_of(radii: np.ndarray, bend: float, angle: float, sides: int = 12) -> So
     for radius, turn in zip(radii, turns, strict=True):
         reach = bend + radius * np.cos(around)
         rings.append(np.column_stack([reach * np.sin(turn), radius * np.sin(around), -reach * np.cos(turn)]))
-    parts = [np.concatenate(pair) for pair in pairwise(rings)]
+    lowest = min(ring[:, 2].min() for ring in rings)
+    parts = [np.concatenate(pair) - [0.0, 0.0, lowest] for pair in pairwise(rings)]
     skins = [_hull_surface(part, sides, i == 0, i == len(parts) - 1) for i, part in enumerate(parts)]
     return Solid(np.concatenate(skins), tuple(parts))
 
