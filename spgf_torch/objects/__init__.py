@@ -1,0 +1,5 @@
+"""Rigid objects: what the experiment grasps (paper, section 5).
+
+The fifty described objects of `data/objects` (`library`, built by `shapes` and `lofts`) and folders of scanned meshes
+(`scans`) become the same record, `grasp_object.GraspObject`: surface, exact convex pieces, mass, inertia.
+"""

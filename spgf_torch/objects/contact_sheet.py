@@ -10,6 +10,7 @@ from math import ceil
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
@@ -42,14 +43,15 @@ def contact_sheet(objects: Sequence[GraspObject], path: Path) -> None:
 def _draw(axis: Axes, item: GraspObject) -> None:
     """One object, parallel projection: far triangles first, each as bright as it faces the lamp."""
     view = _camera()
-    mesh = item.mesh.subdivide_to_size(PATCH)  # large triangles cannot be sorted by depth
+    # Large triangles cannot be sorted by depth.
+    mesh: trimesh.Trimesh = item.mesh.subdivide_to_size(PATCH)  # type: ignore[assignment]
     corners = mesh.triangles @ view.T
     facing = mesh.face_normals @ view[2] > 0
     order = np.flatnonzero(facing)[np.argsort(corners[facing][..., 2].mean(axis=1))]
     shade = 0.45 + 0.55 * np.clip(mesh.face_normals[order] @ (LIGHT / np.linalg.norm(LIGHT)), 0.0, 1.0)
     colours = np.clip(shade[:, None] * to_rgb(COLOURS[item.category]), 0.0, 1.0)
     axis.add_collection(
-        PolyCollection(list(corners[order][..., :2]), facecolors=colours, linewidths=0, antialiased=False, snap=False)
+        PolyCollection(list(corners[order][..., :2]), facecolors=colours, edgecolors=colours, linewidths=0.4)
     )
     middle = (corners[..., :2].min(axis=(0, 1)) + corners[..., :2].max(axis=(0, 1))) / 2
     half = max(0.085, np.ptp(corners[..., :2], axis=(0, 1)).max() / 2 * 1.02)

@@ -50,11 +50,10 @@ def test_every_surface_is_closed_and_every_piece_convex(shipped) -> None:
 
 
 def test_pieces_do_not_reach_into_the_cavity(shipped) -> None:
-    """A point on the axis 1 mm above the floor is outside the surface and outside every piece."""
+    """A ray up the axis meets the floor's two sides only; a point 1 mm above the floor is outside every piece."""
     for item in (item for item in shipped if item.category == "containers"):
-        on_axis = item.mesh.vertices[np.linalg.norm(item.mesh.vertices[:, :2], axis=1).argsort()]
         hits, _, _ = item.mesh.ray.intersects_location([[1e-4, 2e-4, -0.01]], [[0.0, 0.0, 1.0]])
-        assert len(hits) == 2 and len(on_axis), item.name
+        assert len(hits) == 2, item.name
         point = np.array([1e-4, 2e-4, hits[:, 2].max() + 1e-3])
         for part in item.parts:
             equations = ConvexHull(part).equations
@@ -75,7 +74,7 @@ def test_masses_can_be_lifted_and_inertia_is_that_of_a_body(shipped) -> None:
     for item in shipped:
         assert 0.01 <= item.mass <= 0.7, item.name
         moments = np.sort(np.linalg.eigvalsh(item.inertia))
-        assert 0 < moments[0] and moments[2] < moments[0] + moments[1], item.name
+        assert moments[0] > 0 and moments[2] < moments[0] + moments[1], item.name
 
 
 @pytest.mark.parametrize(

@@ -51,10 +51,7 @@ def test_ellipsoid_is_as_large_as_its_size_and_close_to_the_round_one() -> None:
 
 
 def test_bevelled_box() -> None:
-    """A bevel of c takes c^2/2 off along each horizontal edge, and 4 c^3/3 is then taken twice at each end.
-
-    With A(s) = (x - 2s)(y - 2s) the bevelled slab has the volume of the integral of A over s from 0 to c.
-    """
+    """The bevelled slab on either end is the integral of (x - 2 s)(y - 2 s) over s from 0 to c."""
     x, y, z, c = 0.09, 0.06, 0.04, 0.006
     slab = x * y * c - (x + y) * c**2 + 4 * c**3 / 3
     assert make("box", size=[x, y, z], edge=c).mesh.volume == pytest.approx(x * y * (z - 2 * c) + 2 * slab)
