@@ -88,9 +88,12 @@ class PrototypeConfig:
     num_clusters: int = bounded(1, 1000)
     restarts: int = bounded(1, 1000)
     subsample: int = bounded(100, 10_000_000)
+    components: int = bounded(1, 10_000)
+    finalists: int = bounded(1, 1000)
+    breath: int = bounded(0, 100)
     batch_size: int = bounded(1, 1_000_000)
     epochs: int = bounded(1, 1000)
-    refine_steps: int = bounded(0, 10_000)
+    refine_steps: int = bounded(1, 10_000)
     tolerance: float = bounded(0.0, 1.0)
 
 
