@@ -121,9 +121,9 @@ def vote(model: GraspModel, pairs: CellPairs, ids: Tensor) -> Votes:
     return cast_votes(index, ids[pairs.feature.long()], pairs.grasp_type[grasp], grasp, pairs.cell.long())
 
 
-def scores(model: GraspModel, votes: Votes, grasp_type: Tensor, shrinkage: float) -> dict[str, Tensor]:
+def scores(model: GraspModel, votes: Votes, grasp_type: Tensor, config: AffordanceConfig) -> dict[str, Tensor]:
     """Every ranking's score of each grasp: name -> (G,) f32, higher is better."""
-    return {name: rank(votes, model.condensed, grasp_type, shrinkage) for name, rank in RANKINGS.items()}
+    return {name: rank(votes, model.condensed, grasp_type, config) for name, rank in RANKINGS.items()}
 
 
 def save_model(model: GraspModel, folder: Path) -> None:

@@ -4,9 +4,11 @@
 the sum of the learned probabilities over a grasp's votes, each from a point of significant support; many
 votes and sure votes both count.
 
-`log_odds`: the mean, over the votes, of log-odds(P) - log-odds(base rate of the grasp's type), P drawn towards
-the base rate by `shrinkage` particles. It asks how much better than usual for its type a grasp is, so that a
-type that succeeds more often at random does not drown the other (the gap of the paper's Table 1).
+`log_odds`: the mean, over the votes, of log-odds(P) - log-odds(base rate of the grasp's type). It asks how much
+better than usual for its type a grasp is, so that a type that succeeds more often at random does not drown the other
+(the gap of the paper's Table 1). Support shrinks twice: P is drawn towards the base rate by `shrinkage` particles,
+and the mean towards no evidence by `vote_shrinkage` votes, else grasps at the rim of the reach, with a vote or two,
+would come first.
 """
 
 from __future__ import annotations
@@ -18,29 +20,30 @@ from torch import Tensor
 
 from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.affordance.voting import Votes
+from spgf_torch.config import AffordanceConfig
 
 # No significant vote at all: below every grasp that has one.
 UNSUPPORTED = float("-inf")
 
 
-def paper_scores(votes: Votes, condensed: Condensed, grasp_type: Tensor, shrinkage: float) -> Tensor:
-    """(G,) f32 sums of P over the votes of each grasp; UNSUPPORTED without votes. `shrinkage` plays no part."""
+def paper_scores(votes: Votes, condensed: Condensed, grasp_type: Tensor, config: AffordanceConfig) -> Tensor:
+    """(G,) f32 sums of P over the votes of each grasp; UNSUPPORTED without votes."""
     total = _sum_per_grasp(condensed.probability[votes.point], votes, len(grasp_type))
     return total.masked_fill(vote_counts(votes, len(grasp_type)) == 0, UNSUPPORTED)
 
 
-def log_odds_scores(votes: Votes, condensed: Condensed, grasp_type: Tensor, shrinkage: float) -> Tensor:
-    """(G,) f32 mean log-odds of the votes of each grasp against its type's base rate; UNSUPPORTED without votes."""
+def log_odds_scores(votes: Votes, condensed: Condensed, grasp_type: Tensor, config: AffordanceConfig) -> Tensor:
+    """(G,) f32 shrunken mean log-odds of each grasp's votes against its type's base rate; UNSUPPORTED without."""
     base = condensed.base_rate.clamp(1e-4, 1 - 1e-4)[grasp_type[votes.grasp]]
     support = condensed.support[votes.point]
-    shrunk = (condensed.probability[votes.point] * support + base * shrinkage) / (support + shrinkage)
+    shrunk = (condensed.probability[votes.point] * support + base * config.shrinkage) / (support + config.shrinkage)
     gain = torch.logit(shrunk, eps=1e-4) - torch.logit(base)
     count = vote_counts(votes, len(grasp_type))
-    mean = _sum_per_grasp(gain, votes, len(grasp_type)) / count.clamp(min=1)
+    mean = _sum_per_grasp(gain, votes, len(grasp_type)) / (count + config.vote_shrinkage).clamp(min=1)
     return mean.masked_fill(count == 0, UNSUPPORTED)
 
 
-RANKINGS: dict[str, Callable[[Votes, Condensed, Tensor, float], Tensor]] = {
+RANKINGS: dict[str, Callable[[Votes, Condensed, Tensor, AffordanceConfig], Tensor]] = {
     "paper": paper_scores,
     "log_odds": log_odds_scores,
 }

@@ -44,7 +44,7 @@ class Learner:
     def scores(self, model: GraspModel, obj: Described) -> dict[str, Tensor]:
         """Every ranking's score (G,) of a novel object's grasps."""
         votes = vote(model, obj.pairs, assign(obj.relations, model.centres))
-        return scores(model, votes, obj.grasp_type, self.affordance.shrinkage)
+        return scores(model, votes, obj.grasp_type, self.affordance)
 
 
 def cross_validate(

@@ -16,6 +16,7 @@ from spgf_torch.geometry import se3
 
 LATTICE = Lattice(reach=0.03, voxel=0.01, rotation_deg=60.0)
 PROTOTYPES = 3
+SHRUNK = settings(AffordanceConfig, shrinkage=10, vote_shrinkage=2)
 
 
 def random_particles(n: int, generator: torch.Generator) -> Particles:
@@ -151,17 +152,16 @@ def hand_made() -> tuple[Condensed, Votes, torch.Tensor]:
 
 def test_paper_ranking_by_hand() -> None:
     condensed, votes, grasp_type = hand_made()
-    assert paper_scores(votes, condensed, grasp_type, 0.0).tolist() == pytest.approx([0.9, 0.8, UNSUPPORTED])
+    assert paper_scores(votes, condensed, grasp_type, SHRUNK).tolist() == pytest.approx([0.9, 0.8, UNSUPPORTED])
     assert mean_probability(votes, condensed, 3).tolist() == pytest.approx([0.45, 0.8, 0.0])
 
 
 def test_log_odds_ranking_by_hand() -> None:
-    """Shrinkage 10, NPG (base 0.1): (0.8*30 + 0.1*10)/40 = 0.625 and 0.1; WPG (base 0.5): (24 + 5)/40 = 0.725."""
+    """Shrinkage 10, NPG (base 0.1): 25/40 = 0.625 and 0.1; WPG (base 0.5): 29/40 = 0.725. Then 2 votes of nothing."""
     condensed, votes, grasp_type = hand_made()
     logit = lambda p: math.log(p / (1 - p))  # noqa: E731
-    first = (logit(0.625) - logit(0.1) + 0.0) / 2
-    expected = [first, logit(0.725) - logit(0.5), UNSUPPORTED]
-    assert log_odds_scores(votes, condensed, grasp_type, 10.0).tolist() == pytest.approx(expected, rel=1e-4)
+    expected = [(logit(0.625) - logit(0.1) + 0.0) / (2 + 2), (logit(0.725) - logit(0.5)) / (1 + 2), UNSUPPORTED]
+    assert log_odds_scores(votes, condensed, grasp_type, SHRUNK).tolist() == pytest.approx(expected, rel=1e-4)
 
 
 def test_an_empty_model_supports_nothing() -> None:
@@ -170,7 +170,7 @@ def test_an_empty_model_supports_nothing() -> None:
     one = torch.zeros(1, dtype=torch.long)
     votes = cast_votes(VotingIndex(condensed, LATTICE), one, one, one, one)
     for rank in RANKINGS.values():
-        assert rank(votes, condensed, one, 1.0).tolist() == [UNSUPPORTED]
+        assert rank(votes, condensed, one, SHRUNK).tolist() == [UNSUPPORTED]
 
 
 @pytest.fixture
