@@ -108,6 +108,7 @@ class AffordanceConfig:
     kernel_deg: float = bounded(0.0, 90.0)
     min_support: float = bounded(0.0, 1e6)
     shrinkage: float = bounded(0.0, 1e6)
+    vote_shrinkage: float = bounded(0.0, 1e6)
     features_per_object: int = bounded(1, 1_000_000)
 
 
@@ -178,13 +179,20 @@ class EpisodeConfig:
 
 @dataclass
 class CollisionConfig:
-    """Collision pieces of a scanned mesh: every face of a simplified mesh, extruded inwards."""
+    """Scanned meshes: their convex collision pieces, the check of these, and what a mesh may be."""
 
-    faces: int = bounded(20, 20_000)
+    tolerance: float = bounded(0.00005, 0.05)
+    inset: float = bounded(0.0, 0.01)
     thickness: float = bounded(0.0002, 0.05)
+    max_edge: float = bounded(0.0005, 0.5)
+    attempts: int = bounded(1, 10)
+    samples: int = bounded(1000, 10_000_000)
+    cavity_depth: float = bounded(0.0, 1.0)
     volume_tolerance: float = bounded(0.0, 1.0)
     free_space_kept: float = bounded(0.0, 1.0)
     density: float = bounded(1.0, 20_000.0)
+    wall_density: float = bounded(1.0, 20_000.0)
+    min_extent: float = bounded(0.0001, 1.0)
     max_extent: float = bounded(0.01, 100.0)
 
 
