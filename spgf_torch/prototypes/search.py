@@ -43,9 +43,8 @@ def initial_centres(points: Tensor, config: PrototypeConfig, generator: torch.Ge
     starts = kmeans_plusplus(thinned, K, config.restarts, generator)
     starts = [lloyd(thinned, start, RESTART_STEPS, 0.0) for start in starts]
     finalists = sorted(starts, key=lambda start: inertia(thinned, start))[: config.finalists]
-    for seen in (thinned, projected):
-        finalists = [breathe(seen, start, config.breath, generator) for start in finalists]
-    best = min(finalists, key=lambda start: inertia(projected, start))
+    finalists = [breathe(thinned, start, config.breath, generator) for start in finalists]
+    best = breathe(projected, min(finalists, key=lambda start: inertia(projected, start)), config.breath, generator)
     sums, counts = cluster_sums(points[sample], assign(thinned, best), K)
     centres = sums / counts.clamp(min=1)[:, None]
     distance = (points[sample] - centres[assign(thinned, best)]).square().sum(1)

@@ -1,0 +1,186 @@
+"""Mini-batch k-means as a LightningModule, and the fit of the prototypes (paper, section 3.2).
+
+Lightning counts steps and writes checkpoints only under automatic optimisation, so the module stays with it though
+it has no optimizer: `configure_optimizers` and `training_step` return None, the buffers move under `no_grad`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import pickle
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from lightning.pytorch import LightningModule, Trainer
+from lightning.pytorch.plugins.environments import LightningEnvironment
+from torch import Tensor
+
+from spgf_torch.config import InputError, PrototypeConfig, plain
+from spgf_torch.prototypes.kmeans import assign, canonical_order, lloyd, minibatch_step
+from spgf_torch.prototypes.search import initial_centres
+
+CHECKPOINT = "prototypes.ckpt"
+
+# Lightning's two warnings about a module without an optimizer, and torch's about a class that Lightning 2.6 uses.
+EXPECTED_WARNINGS = (
+    "`LightningModule.configure_optimizers` returned `None`",
+    "`training_step` returned `None`",
+    r"`isinstance\(treespec, LeafSpec\)` is deprecated",
+)
+
+
+class MiniBatches:
+    """relations (L, D) in shuffled batches. The order of an epoch depends on seed and epoch alone: resumable.
+
+    A plain iterable: a DataLoader would only add its collation, and a warning on machines with many cores.
+    """
+
+    def __init__(self, relations: Tensor, batch_size: int, seed: int, epoch: int) -> None:
+        self.relations, self.batch_size, self.stream = relations, batch_size, (seed, epoch)
+
+    def __len__(self) -> int:
+        return -(-len(self.relations) // self.batch_size)
+
+    def __iter__(self) -> Iterator[Tensor]:
+        generator = torch.Generator().manual_seed(int(np.random.SeedSequence(self.stream).generate_state(1)[0]))
+        order = torch.randperm(len(self.relations), generator=generator).to(self.relations.device)
+        return (self.relations[ids] for ids in order.split(self.batch_size))
+
+
+class MiniBatchKMeans(LightningModule):
+    """Searches a start, then moves the centres by one mini-batch a step; a checkpoint an epoch if given a path."""
+
+    centres: Tensor  # (K, D)
+    counts: Tensor  # (K,) points that each centre stands for; none before the search
+
+    def __init__(
+        self, relations: Tensor, config: PrototypeConfig, seed: int, checkpoint: Path | None = None, origin: str = ""
+    ) -> None:
+        super().__init__()
+        self.relations, self.config, self.seed = relations, config, seed
+        self.checkpoint, self.origin = checkpoint, origin
+        self.register_buffer("centres", relations.new_zeros(config.num_clusters, relations.shape[1]))
+        self.register_buffer("counts", relations.new_zeros(config.num_clusters))
+
+    def configure_optimizers(self) -> None:
+        return None
+
+    def train_dataloader(self) -> MiniBatches:
+        return MiniBatches(self.relations, self.config.batch_size, self.seed, self.current_epoch)
+
+    def on_fit_start(self) -> None:
+        if not self.counts.any():
+            self._move(*initial_centres(self.relations, self.config, torch.Generator().manual_seed(self.seed)))
+
+    @torch.no_grad()
+    def training_step(self, batch: Tensor, batch_idx: int) -> None:
+        self._move(*minibatch_step(batch, self.centres, self.counts))
+
+    def on_train_epoch_end(self) -> None:
+        if self.checkpoint is not None:
+            self.trainer.save_checkpoint(self.checkpoint)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        checkpoint["origin"] = self.origin
+
+    def _move(self, centres: Tensor, counts: Tensor) -> None:
+        self.centres.copy_(centres)
+        self.counts.copy_(counts)
+
+
+def fit_prototypes(
+    relations: Tensor, config: PrototypeConfig, seed: int, folder: Path | None = None, progress: bool = False
+) -> Tensor:
+    """The prototypes P_id (Eqs. 5, 6): centres (K, D) float32 of relations (L, D), commonest first.
+
+    Search on a subsample, mini-batches over all relations, Lloyd steps to the end. The same arguments give the same
+    prototypes; clusterings that are equal get equal ids whatever the seed.
+
+    Args:
+        folder: `prototypes.ckpt` is written there after every epoch, and resumed from if it was made from the same
+            relations, settings and seed; any other is overwritten.
+        progress: a progress bar, if the output is a terminal.
+
+    Raises InputError where relations are not finite numbers of shape (L, D) or fewer than K of them differ.
+    """
+    relations = relations.float().contiguous()
+    _check(relations, config.num_clusters)
+    checkpoint = None if folder is None else folder / CHECKPOINT
+    origin = "" if folder is None else _origin(relations, config, seed)
+    module = MiniBatchKMeans(relations, config, seed, checkpoint, origin)
+    with _quiet():
+        trainer = _trainer(relations.device, config.epochs, progress and sys.stdout.isatty())
+        trainer.fit(module, ckpt_path=_resumable(checkpoint, origin), weights_only=True)
+    centres = lloyd(relations, module.centres.to(relations.device), config.refine_steps, config.tolerance)
+    counts = torch.bincount(assign(relations, centres), minlength=len(centres))
+    return centres[canonical_order(centres, counts)]
+
+
+def _trainer(device: torch.device, epochs: int, progress: bool) -> Trainer:
+    return Trainer(
+        accelerator="cpu" if device.type == "cpu" else "gpu",
+        devices=1 if device.index is None else [device.index],
+        max_epochs=epochs,
+        reload_dataloaders_every_n_epochs=1,
+        num_sanity_val_steps=0,
+        logger=False,
+        enable_checkpointing=False,
+        enable_model_summary=False,
+        enable_progress_bar=progress,
+        plugins=[LightningEnvironment()],  # one process, also where a cluster's variables are set
+    )
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without Lightning's notes on hardware and tips, and without the warnings that are expected."""
+    logger = logging.getLogger("lightning.pytorch")
+    level = logger.level
+    logger.setLevel(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            for message in EXPECTED_WARNINGS:
+                warnings.filterwarnings("ignore", message=message)
+            yield
+    finally:
+        logger.setLevel(level)
+
+
+def _origin(relations: Tensor, config: PrototypeConfig, seed: int) -> str:
+    """SHA-256 over what a fit depends on."""
+    sha = hashlib.sha256(json.dumps([plain(config), seed, list(relations.shape)]).encode())
+    sha.update(relations.cpu().numpy())
+    return sha.hexdigest()
+
+
+def _resumable(checkpoint: Path | None, origin: str) -> Path | None:
+    """The checkpoint, if it is there, whole, and of this origin; it only saves time, so any other starts anew."""
+    if checkpoint is None or not checkpoint.is_file():
+        return None
+    try:
+        found = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    except (pickle.UnpicklingError, EOFError, RuntimeError):
+        return None
+    return checkpoint if isinstance(found, dict) and found.get("origin") == origin else None
+
+
+def _check(relations: Tensor, num_clusters: int) -> None:
+    if relations.ndim != 2:
+        raise InputError(f"relations: expected shape (L, D), got {tuple(relations.shape)}")
+    bad = torch.nonzero(~relations.isfinite().all(1)).flatten()
+    if len(bad) > 0:
+        raise InputError(f"relations: expected finite numbers, got others in {len(bad)} rows, first in {int(bad[0])}")
+    distinct: set[bytes] = set()
+    for row in (relations + 0.0).cpu().numpy():  # + 0: a zero with a sign is the same zero
+        distinct.add(row.tobytes())
+        if len(distinct) == num_clusters:
+            return
+    raise InputError(f"prototypes: expected at least K = {num_clusters} features that differ, got {len(distinct)}")
