@@ -16,7 +16,7 @@ from torch import Tensor
 from spgf_torch.geometry import se3
 
 # Pairs of a grasp and a point looked at together: bounds the memory.
-CHUNK = 1 << 20
+CHUNK = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -50,15 +50,20 @@ def hand_volume(shapes: Sequence[trimesh.Trimesh]) -> HandVolume:
 def sensed_collision(points: Tensor, T_object_tcp: Tensor, volume: HandVolume) -> Tensor:
     """Whether any of the points (N, 3) lies inside the open hand at each of the grasps (G, 4, 4) -> (G,) bool."""
     hit = torch.zeros(len(T_object_tcp), dtype=torch.bool, device=points.device)
-    low, high = volume.low.to(points.device), volume.high.to(points.device)
+    low, high = (bound.tolist() for bound in (volume.low, volume.high))
     T_tcp_object = se3.inverse(T_object_tcp)
     step = max(1, CHUNK // max(1, len(points)))
     for start in range(0, len(T_object_tcp), step):
-        local = se3.transform_points(T_tcp_object[start : start + step], points)  # (C, N, 3)
-        near = ((local >= low) & (local <= high)).all(-1)
-        grasp, candidates = near.nonzero()[:, 0] + start, local[near]
+        T = T_tcp_object[start : start + step]
+        local = (T[:, :3, :3].reshape(-1, 3) @ points.T).view(len(T), 3, len(points)) + T[:, :3, 3:]  # (C, 3, N)
+        inside = (local[:, 0] >= low[0]) & (local[:, 0] <= high[0])  # axis by axis: `all` over three is slow
+        for axis in (1, 2):
+            inside &= (local[:, axis] >= low[axis]) & (local[:, axis] <= high[axis])
+        grasp, point = inside.nonzero(as_tuple=True)
+        near = torch.stack([local[:, axis][grasp, point] for axis in range(3)])  # (3, P)
+        grasp = grasp + start
         for planes in volume.planes:
             plane = planes.to(points.device)
-            inside = (candidates @ plane[:, :3].T <= plane[:, 3]).all(-1)
-            hit[grasp[inside]] = True
+            outside = torch.addmm(plane[:, 3:], plane[:, :3], near, beta=-1).amax(0)  # m beyond the piece, if > 0
+            hit[grasp[outside <= 0]] = True
     return hit
