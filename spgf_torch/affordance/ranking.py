@@ -1,14 +1,13 @@
 """Rankings of candidate grasps from the votes of an object's features.
 
-`paper`: "the N highest ranked grasps (in a combined selection of support and probability ...)" (section 4):
-the sum of the learned probabilities over a grasp's votes, each from a point of significant support; many
-votes and sure votes both count.
+`paper`: "the N highest ranked grasps (in a combined selection of support and probability, here the support depict
+that a grasp have achieved a significant amount of votes)" (section 4): the mean of the learned probabilities over a
+grasp's votes, drawn towards 0 by `vote_shrinkage` votes, so that a grasp needs both sure votes and many.
 
 `log_odds`: the mean, over the votes, of log-odds(P) - log-odds(base rate of the grasp's type). It asks how much
 better than usual for its type a grasp is, so that a type that succeeds more often at random does not drown the other
 (the gap of the paper's Table 1). Support shrinks twice: P is drawn towards the base rate by `shrinkage` particles,
-and the mean towards no evidence by `vote_shrinkage` votes, else grasps at the rim of the reach, with a vote or two,
-would come first.
+and the mean towards no evidence by `vote_shrinkage` votes.
 """
 
 from __future__ import annotations
@@ -27,9 +26,8 @@ UNSUPPORTED = float("-inf")
 
 
 def paper_scores(votes: Votes, condensed: Condensed, grasp_type: Tensor, config: AffordanceConfig) -> Tensor:
-    """(G,) f32 sums of P over the votes of each grasp; UNSUPPORTED without votes."""
-    total = _sum_per_grasp(condensed.probability[votes.point], votes, len(grasp_type))
-    return total.masked_fill(vote_counts(votes, len(grasp_type)) == 0, UNSUPPORTED)
+    """(G,) f32 shrunken mean probability of each grasp's votes; UNSUPPORTED without votes."""
+    return _shrunken_mean(condensed.probability[votes.point], votes, len(grasp_type), config)
 
 
 def log_odds_scores(votes: Votes, condensed: Condensed, grasp_type: Tensor, config: AffordanceConfig) -> Tensor:
@@ -38,9 +36,7 @@ def log_odds_scores(votes: Votes, condensed: Condensed, grasp_type: Tensor, conf
     support = condensed.support[votes.point]
     shrunk = (condensed.probability[votes.point] * support + base * config.shrinkage) / (support + config.shrinkage)
     gain = torch.logit(shrunk, eps=1e-4) - torch.logit(base)
-    count = vote_counts(votes, len(grasp_type))
-    mean = _sum_per_grasp(gain, votes, len(grasp_type)) / (count + config.vote_shrinkage).clamp(min=1)
-    return mean.masked_fill(count == 0, UNSUPPORTED)
+    return _shrunken_mean(gain, votes, len(grasp_type), config)
 
 
 RANKINGS: dict[str, Callable[[Votes, Condensed, Tensor, AffordanceConfig], Tensor]] = {
@@ -58,6 +54,13 @@ def mean_probability(votes: Votes, condensed: Condensed, grasps: int) -> Tensor:
 def vote_counts(votes: Votes, grasps: int) -> Tensor:
     """(G,) int64 number of votes of each grasp."""
     return torch.bincount(votes.grasp, minlength=grasps)
+
+
+def _shrunken_mean(values: Tensor, votes: Votes, grasps: int, config: AffordanceConfig) -> Tensor:
+    """(G,) f32 mean of the votes' values together with `vote_shrinkage` votes of 0; UNSUPPORTED without votes."""
+    count = vote_counts(votes, grasps)
+    mean = _sum_per_grasp(values, votes, grasps) / (count + config.vote_shrinkage).clamp(min=1)
+    return mean.masked_fill(count == 0, UNSUPPORTED)
 
 
 def _sum_per_grasp(values: Tensor, votes: Votes, grasps: int) -> Tensor:

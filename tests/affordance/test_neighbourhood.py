@@ -152,7 +152,7 @@ def hand_made() -> tuple[Condensed, Votes, torch.Tensor]:
 
 def test_paper_ranking_by_hand() -> None:
     condensed, votes, grasp_type = hand_made()
-    assert paper_scores(votes, condensed, grasp_type, SHRUNK).tolist() == pytest.approx([0.9, 0.8, UNSUPPORTED])
+    assert paper_scores(votes, condensed, grasp_type, SHRUNK).tolist() == pytest.approx([0.9 / 4, 0.8 / 3, UNSUPPORTED])
     assert mean_probability(votes, condensed, 3).tolist() == pytest.approx([0.45, 0.8, 0.0])
 
 
