@@ -37,12 +37,11 @@ def inertia(points: Tensor, centres: Tensor) -> float:
 
 def cluster_sums(points: Tensor, ids: Tensor, num_clusters: int) -> tuple[Tensor, Tensor]:
     """Sum (K, D) and number (K,), of the points' type, of each cluster's points."""
-    sums, counts = points.new_zeros(num_clusters, points.shape[1]), points.new_zeros(num_clusters)
+    sums = points.new_zeros(num_clusters, points.shape[1])
     for part, members in zip(_chunks(points, num_clusters), _chunks(ids, num_clusters), strict=True):
         belongs = points.new_zeros(num_clusters, len(part)).scatter_(0, members[None], 1.0)
         sums.addmm_(belongs, part)
-        counts += belongs.sum(1)
-    return sums, counts
+    return sums, torch.bincount(ids, minlength=num_clusters).to(points)
 
 
 def kmeans_plusplus(
