@@ -17,7 +17,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.affordance.model import save_model
     from spgf_torch.evaluation.folds import stratified_folds
     from spgf_torch.evaluation.results import Novel, build_results, write_json, write_per_object
-    from spgf_torch.evaluation.tables import results_table
+    from spgf_torch.evaluation.tables import free_line, results_table
     from spgf_torch.experiment.cross_validation import Learner, cross_validate
     from spgf_torch.experiment.describe import Description
     from spgf_torch.experiment.tried import open_hand, tried_grasps
@@ -55,6 +55,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     write_per_object(folder / "per_object.csv", novel, config.N)
     write_json(folder / "results.json", results)
     show(results_table(results))
+    show(free_line(results))
     show(f"results, model and settings in {folder}")
 
 

@@ -20,7 +20,6 @@ from torch import Tensor
 from spgf_torch.affordance.lattice import Lattice, gaussian_kernel
 from spgf_torch.affordance.neighbourhood import Condensed, condense
 from spgf_torch.affordance.particles import Particles, pairs_within
-from spgf_torch.affordance.ranking import RANKINGS
 from spgf_torch.affordance.voting import Votes, VotingIndex, cast_votes
 from spgf_torch.config import AffordanceConfig, InputError
 
@@ -119,11 +118,6 @@ def vote(model: GraspModel, pairs: CellPairs, ids: Tensor) -> Votes:
     grasp = pairs.grasp.long()
     index = VotingIndex(model.condensed, model.lattice)
     return cast_votes(index, ids[pairs.feature.long()], pairs.grasp_type[grasp], grasp, pairs.cell.long())
-
-
-def scores(model: GraspModel, votes: Votes, grasp_type: Tensor, config: AffordanceConfig) -> dict[str, Tensor]:
-    """Every ranking's score of each grasp: name -> (G,) f32, higher is better."""
-    return {name: rank(votes, model.condensed, grasp_type, config) for name, rank in RANKINGS.items()}
 
 
 def save_model(model: GraspModel, folder: Path) -> None:

@@ -8,6 +8,8 @@ grasp's votes, drawn towards 0 by `vote_shrinkage` votes, so that a grasp needs 
 better than usual for its type a grasp is, so that a type that succeeds more often at random does not drown the other
 (the gap of the paper's Table 1). Support shrinks twice: P is drawn towards the base rate by `shrinkage` particles,
 and the mean towards no evidence by `vote_shrinkage` votes.
+
+`log_odds_free`: the same, but grasps that would start in a sensed collision come after all others.
 """
 
 from __future__ import annotations
@@ -20,6 +22,11 @@ from torch import Tensor
 from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.affordance.voting import Votes
 from spgf_torch.config import AffordanceConfig
+
+FREE = "log_odds_free"
+
+# Far below any score, yet above no support at all: sensed collisions keep their order among themselves.
+COLLIDING = -1e3
 
 # No significant vote at all: below every grasp that has one.
 UNSUPPORTED = float("-inf")
@@ -45,10 +52,16 @@ RANKINGS: dict[str, Callable[[Votes, Condensed, Tensor, AffordanceConfig], Tenso
 }
 
 
-def mean_probability(votes: Votes, condensed: Condensed, grasps: int) -> Tensor:
-    """(G,) f32 mean learned probability over the votes of each grasp; 0 without votes."""
-    total = _sum_per_grasp(condensed.probability[votes.point], votes, grasps)
-    return total / vote_counts(votes, grasps).clamp(min=1)
+def all_scores(
+    votes: Votes, condensed: Condensed, grasp_type: Tensor, collides: Tensor, config: AffordanceConfig
+) -> dict[str, Tensor]:
+    """Every ranking's score of each grasp: name -> (G,) f32, higher is better.
+
+    Args:
+        grasp_type (G,) int64, collides (G,) bool: a sensed point lies inside the open hand.
+    """
+    scores = {name: rank(votes, condensed, grasp_type, config) for name, rank in RANKINGS.items()}
+    return {**scores, FREE: scores["log_odds"] + COLLIDING * collides}
 
 
 def vote_counts(votes: Votes, grasps: int) -> Tensor:

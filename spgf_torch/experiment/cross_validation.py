@@ -9,7 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.affordance.model import GraspModel, learn, scores, vote
+from spgf_torch.affordance.model import GraspModel, learn, vote
+from spgf_torch.affordance.ranking import all_scores
 from spgf_torch.config import AffordanceConfig, PrototypeConfig
 from spgf_torch.experiment.describe import Described
 from spgf_torch.progress import Stages
@@ -44,7 +45,7 @@ class Learner:
     def scores(self, model: GraspModel, obj: Described) -> dict[str, Tensor]:
         """Every ranking's score (G,) of a novel object's grasps."""
         votes = vote(model, obj.pairs, assign(obj.relations, model.centres))
-        return scores(model, votes, obj.grasp_type, self.affordance)
+        return all_scores(votes, model.condensed, obj.grasp_type, obj.collides, self.affordance)
 
 
 def cross_validate(

@@ -9,7 +9,13 @@ from spgf_torch.affordance import model as affordance
 from spgf_torch.affordance.lattice import Kernel, Lattice, gaussian_kernel
 from spgf_torch.affordance.neighbourhood import Condensed, condense
 from spgf_torch.affordance.particles import Particles, pairs_within
-from spgf_torch.affordance.ranking import RANKINGS, UNSUPPORTED, log_odds_scores, mean_probability, paper_scores
+from spgf_torch.affordance.ranking import (
+    RANKINGS,
+    UNSUPPORTED,
+    all_scores,
+    log_odds_scores,
+    paper_scores,
+)
 from spgf_torch.affordance.voting import NO_POINT, Votes, VotingIndex, cast_votes
 from spgf_torch.config import AffordanceConfig, InputError, settings
 from spgf_torch.geometry import se3
@@ -153,7 +159,6 @@ def hand_made() -> tuple[Condensed, Votes, torch.Tensor]:
 def test_paper_ranking_by_hand() -> None:
     condensed, votes, grasp_type = hand_made()
     assert paper_scores(votes, condensed, grasp_type, SHRUNK).tolist() == pytest.approx([0.9 / 4, 0.8 / 3, UNSUPPORTED])
-    assert mean_probability(votes, condensed, 3).tolist() == pytest.approx([0.45, 0.8, 0.0])
 
 
 def test_log_odds_ranking_by_hand() -> None:
@@ -162,6 +167,14 @@ def test_log_odds_ranking_by_hand() -> None:
     logit = lambda p: math.log(p / (1 - p))  # noqa: E731
     expected = [(logit(0.625) - logit(0.1) + 0.0) / (2 + 2), (logit(0.725) - logit(0.5)) / (1 + 2), UNSUPPORTED]
     assert log_odds_scores(votes, condensed, grasp_type, SHRUNK).tolist() == pytest.approx(expected, rel=1e-4)
+
+
+def test_sensed_collisions_come_last_but_before_no_support() -> None:
+    condensed, votes, grasp_type = hand_made()
+    scores = all_scores(votes, condensed, grasp_type, torch.tensor([True, False, False]), SHRUNK)
+    assert scores.keys() == {"paper", "log_odds", "log_odds_free"}
+    assert scores["log_odds_free"].argsort(descending=True).tolist() == [1, 0, 2]
+    assert scores["log_odds"].argsort(descending=True).tolist() == [0, 1, 2]
 
 
 def test_an_empty_model_supports_nothing() -> None:

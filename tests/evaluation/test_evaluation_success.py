@@ -80,7 +80,7 @@ def novel_objects() -> list[Novel]:
     objects = []
     for i, name in enumerate(["containers"] * 4 + ["boxes"] * 3 + ["curved"] * 3):
         success, grasp_type = rng.random(60) < 0.4, np.arange(60) % 2
-        scores = {"paper": rng.random(60), "log_odds": success + 0.1 * rng.random(60)}
+        scores = {"paper": rng.random(60), "log_odds": success + 0.1 * rng.random(60), "log_odds_free": rng.random(60)}
         objects.append(Novel(f"o{i}", name, i % 5, scores, success, grasp_type, rng.random(60) < 0.3))
     return objects
 

@@ -1,0 +1,182 @@
+"""Every command from the outside: one tiny run each, what it leaves, and what it says to bad input."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import trimesh
+import yaml
+
+ROOT = Path(__file__).parents[2]
+NAMES = ("bowl_sugar", "mug_coffee", "jar_jam", "tumbler", "soap_bar", "box_tea", "sponge", "apple", "egg", "can_soda")
+TINY = [
+    "K=4",
+    "folds=2",
+    "bootstrap=100",
+    "sensing.width=160",
+    "sensing.height=120",
+    "sensing.focal=144",
+    "affordance.features_per_object=60",
+    "prototypes.restarts=2",
+    "prototypes.subsample=1000",
+]
+
+
+def call(command: str, *overrides: str, cwd: Path) -> subprocess.CompletedProcess:
+    """Run a door in `cwd`; a warning there is an error, but for those that libraries' own imports cause."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "120"}
+    return subprocess.run(
+        [sys.executable, "-m", f"spgf_torch.{command}", *overrides],
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=200,
+    )
+
+
+def refused(done: subprocess.CompletedProcess, *words: str) -> None:
+    """One line with all the words, status 2, no traceback."""
+    assert done.returncode == 2, done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert all(word in done.stderr for word in words), done.stderr
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A working folder with ten of the objects and their trials, and a model trained on them."""
+    folder = tmp_path_factory.mktemp("small")
+    (folder / "objects").mkdir()
+    (folder / "trials").mkdir()
+    for name in NAMES:
+        shutil.copy(ROOT / f"data/objects/{name}.yaml", folder / "objects")
+        shutil.copy(ROOT / f"data/trials/{name}.parquet", folder / "trials")
+    shutil.copy(ROOT / "data/trials/config.yaml", folder / "trials")
+    done = call("train", "objects=objects", "trials=trials", *TINY, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    (folder / "stdout.txt").write_text(done.stdout)
+    (folder / "stderr.txt").write_text(done.stderr)
+    return folder
+
+
+def test_train_leaves_what_the_contract_says(small: Path) -> None:
+    run = small / "outputs/train/latest"
+    assert {p.name for p in run.iterdir()} == {
+        "config.yaml", "results.json", "per_object.csv", "model.safetensors", "model.json",
+    }  # fmt: skip
+    results = json.loads((run / "results.json").read_text())
+    assert (
+        results["K"] == 4
+        and results["folds"] == 2
+        and set(results["by_ranking"]) == {"paper", "log_odds", "log_odds_free"}
+    )
+    assert {"sensing", "features", "prototypes", "particles", "voting", "total"} <= set(results["seconds"])
+    assert results["ceiling"]["all"]["CG"] == 1.0
+    assert yaml.safe_load((run / "config.yaml").read_text())["prototypes"]["num_clusters"] == 4
+    assert len((run / "per_object.csv").read_text().splitlines()) == 1 + len(NAMES)
+    assert "K = 4" in (small / "stdout.txt").read_text() and "log_odds" in (small / "stdout.txt").read_text()
+    assert "sensing" in (small / "stderr.txt").read_text()
+
+
+def test_the_same_command_gives_the_same_results(small: Path) -> None:
+    first = json.loads((small / "outputs/train/latest/results.json").read_text())
+    model = (small / "outputs/train/latest/model.safetensors").read_bytes()
+    assert call("train", "objects=objects", "trials=trials", *TINY, cwd=small).returncode == 0
+    second = json.loads((small / "outputs/train/latest/results.json").read_text())
+    assert {**first, "seconds": {}} == {**second, "seconds": {}}
+    assert model == (small / "outputs/train/latest/model.safetensors").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["+Kk=7"], ["Kk"]),
+        (["K=abc"], ["abc", "Integer"]),
+        (["features.radius=-1"], ["features.radius", "got -1"]),
+        (["foo=3"], ["foo"]),
+        (["objects=nowhere"], ["nowhere"]),
+        (["trials=nowhere"], ["nowhere", "simulate"]),
+        (["episode.friction=0.5"], ["parquet", "episode.friction", "0.5"]),
+        (["hand.closing_torque=1"], ["parquet", "hand_digest"]),
+    ],
+)
+def test_train_refuses_bad_input(overrides: list[str], words: list[str], tmp_path: Path) -> None:
+    refused(call("train", *overrides, cwd=tmp_path), *words)
+    assert not list(tmp_path.glob("outputs/train/*"))
+
+
+def test_train_refuses_a_trial_file_cut_in_half(small: Path, tmp_path: Path) -> None:
+    shutil.copytree(small / "trials", tmp_path / "trials")
+    path = tmp_path / "trials/egg.parquet"
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    done = call("train", f"objects={small}/objects", "trials=trials", *TINY, cwd=tmp_path)
+    refused(done, "egg.parquet", "damaged")
+
+
+@pytest.mark.parametrize("command", ["train", "simulate", "evaluate"])
+def test_help_and_settings_are_shown(command: str, tmp_path: Path) -> None:
+    help_ = call(command, "--help", cwd=tmp_path)
+    assert help_.returncode == 0 and f"python -m spgf_torch.{command}" in help_.stdout
+    settings = call(command, "--cfg", "job", cwd=tmp_path)
+    assert settings.returncode == 0 and "hand:" in settings.stdout
+    assert not (tmp_path / "outputs").exists()
+
+
+def test_simulate_makes_a_table_once(small: Path, tmp_path: Path) -> None:
+    (tmp_path / "objects").mkdir()
+    shutil.copy(small / "objects/egg.yaml", tmp_path / "objects")
+    command = ["objects=objects", "candidates=12", "out=table", "workers=1"]
+    done = call("simulate", *command, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "24" in done.stderr and "candidates/s" in done.stdout
+    made = (tmp_path / "table/egg.parquet").read_bytes()
+    again = call("simulate", *command, cwd=tmp_path)  # finished work is kept
+    assert again.returncode == 0 and (tmp_path / "table/egg.parquet").read_bytes() == made
+    refused(call("simulate", *command, "seed=1", cwd=tmp_path), "egg.parquet", "out=")
+
+
+@pytest.fixture(scope="module")
+def scanned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with one closed mesh of a block and its manifest."""
+    folder = tmp_path_factory.mktemp("scanned")
+    block = trimesh.creation.box((0.05, 0.06, 0.08)).subdivide().subdivide()
+    block.apply_translation((0, 0, 0.04))
+    block.export(folder / "block.ply")
+    (folder / "manifest.csv").write_text("name,file,class\nblock,block.ply,box\n")
+    return folder
+
+
+def test_evaluate_executes_the_best_grasps(small: Path, scanned: Path) -> None:
+    command = [f"objects={scanned}", "candidates=60", "random_trials=5", "N=3", "bootstrap=100", "workers=1"]
+    done = call("evaluate", *command, cwd=small)
+    assert done.returncode == 0, done.stderr
+    results = json.loads((small / "outputs/evaluate/latest/results.json").read_text())
+    assert results["schema"] == 1 and results["N"] == 3
+    row = results["per_object"][0]
+    assert row["object"] == "block" and row["class"] == "boxes" and row["seconds"] > 0
+    assert 0 <= row["CG"] <= 1 and "block" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["objects=nowhere"], ["nowhere"]),
+        (["objects=empty"], ["empty", "mesh"]),
+        (["objects=large"], ["block.ply", "unit=mm"]),
+        (["objects=empty", "model=nowhere"], ["nowhere/model.json"]),
+        (["objects=empty", "hand.closing_torque=1"], ["hand"]),
+    ],
+)
+def test_evaluate_refuses_bad_input(
+    small: Path, scanned: Path, tmp_path: Path, overrides: list[str], words: list[str]
+) -> None:
+    (tmp_path / "empty").mkdir()
+    shutil.copytree(scanned, tmp_path / "large")
+    trimesh.load_mesh(scanned / "block.ply").apply_scale(1000).export(tmp_path / "large/block.ply")
+    model = [] if any(o.startswith("model=") for o in overrides) else [f"model={small}/outputs/train/latest"]
+    refused(call("evaluate", *overrides, *model, cwd=tmp_path), *words)
+    assert not list(tmp_path.glob("outputs/evaluate/*"))
