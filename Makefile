@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
-.PHONY: train test check bench clean
+.PHONY: train test check bench trials clean
 train: $(READY)
 	$(BIN)/python -m spgf_torch.train +K=20
 
@@ -17,7 +17,7 @@ check: $(READY)
 	$(BIN)/mypy
 
 bench: $(READY)
-	for file in tests/benchmarks/bench_*.py; do $(BIN)/python $$file || exit 1; done
+	for file in tests/benchmarks/*.py; do $(BIN)/python $$file || exit 1; done
 
 # Installed once; again only when the list of dependencies changes.
 $(READY): pyproject.toml
@@ -30,6 +30,5 @@ clean:
 	rm -rf $(VENV)
 
 # The committed trial table, from nothing (a quarter of an hour on two cores).
-.PHONY: trials
 trials: $(READY)
 	$(BIN)/python -m spgf_torch.simulate out=data/trials

@@ -11,7 +11,7 @@ from spgf_torch.progress import Stages
 
 def run(config: EvaluateConfig, folder: Path) -> None:
     """Sense the meshes, rank candidate grasps, execute the best of each type; write the rates into `folder`."""
-    from spgf_torch.affordance.model import load_model
+    from spgf_torch.affordance.model import check_device, load_model
     from spgf_torch.evaluation.executed import executed_results
     from spgf_torch.evaluation.results import write_json
     from spgf_torch.evaluation.tables import executed_table, scans_table
@@ -22,6 +22,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.trials.hand import load_hand
     from spgf_torch.trials.runner import Trials
 
+    check_device(config.device)
     stages = Stages()
     model = load_model(find(config.model), config.device)
     describe, learner = restore(model, config, stages)

@@ -14,7 +14,7 @@ from spgf_torch.progress import Stages
 
 def run(config: TrainConfig, folder: Path) -> None:
     """Describe the objects, cross-validate, learn on all of them; write results and the model into `folder`."""
-    from spgf_torch.affordance.model import save_model
+    from spgf_torch.affordance.model import check_device, save_model
     from spgf_torch.evaluation.folds import stratified_folds
     from spgf_torch.evaluation.results import Novel, build_results, write_json, write_per_object
     from spgf_torch.evaluation.tables import free_line, results_table
@@ -23,6 +23,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.experiment.tried import open_hand, tried_grasps
     from spgf_torch.progress import show
 
+    check_device(config.device)
     start, stages = time.perf_counter(), Stages()
     objects = load_objects(find(config.objects))
     tried = tried_grasps(objects, config)

@@ -124,10 +124,19 @@ def save_model(model: GraspModel, folder: Path) -> None:
     """Write `model.safetensors` and `model.json` into `folder`."""
     condensed = model.condensed
     tensors = {"centres": model.centres, **{name: getattr(condensed, name) for name in _TENSORS[1:]}}
+    tensors["cell"] = condensed.cell.int()  # half the file
     save_file({name: t.contiguous().cpu() for name, t in tensors.items()}, folder / "model.safetensors")
     lattice = {"reach": model.lattice.reach, "voxel": model.lattice.voxel, "rotation_deg": model.lattice.rotation_deg}
     document = {"format": FORMAT, "schema": SCHEMA, "lattice": lattice, "settings": model.settings}
     (folder / "model.json").write_text(json.dumps(document, indent=1, sort_keys=True) + "\n")
+
+
+def check_device(name: str) -> None:
+    """Raises InputError where torch has no device of this name here."""
+    try:
+        torch.zeros(1, device=name)
+    except (RuntimeError, AssertionError) as error:  # torch built without CUDA raises the latter
+        raise InputError(f"device: expected cpu or an accelerator of this machine, got {name}") from error
 
 
 def load_model(folder: Path, device: str = "cpu") -> GraspModel:
@@ -143,6 +152,7 @@ def load_model(folder: Path, device: str = "cpu") -> GraspModel:
     missing = [name for name in _TENSORS if name not in tensors]
     if missing:
         raise InputError(f"{path}: expected the tensors {', '.join(_TENSORS)}; missing {', '.join(missing)}")
+    tensors["cell"] = tensors["cell"].long()
     condensed = Condensed(*(tensors[name] for name in _TENSORS[1:]))
     return GraspModel(tensors["centres"], condensed, Lattice(**document["lattice"]), document["settings"])
 

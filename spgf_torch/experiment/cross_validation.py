@@ -59,7 +59,7 @@ def cross_validate(
     """
     result: list[dict[str, Tensor]] = [{} for _ in objects]
     for test in np.unique(fold):
-        train, novel = np.flatnonzero(fold != test), np.flatnonzero(fold == test)
+        train, novel = np.flatnonzero(fold != test).tolist(), np.flatnonzero(fold == test).tolist()
         model = learner.learn([objects[i] for i in train], [success[i] for i in train])
         with learner.stages.stage("voting", len(novel), "objects") as advance:
             for i in novel:

@@ -98,6 +98,7 @@ def test_the_same_command_gives_the_same_results(small: Path) -> None:
         (["K=abc"], ["abc", "Integer"]),
         (["features.radius=-1"], ["features.radius", "got -1"]),
         (["foo=3"], ["foo"]),
+        (["device=abacus"], ["device", "abacus"]),
         (["objects=nowhere"], ["nowhere"]),
         (["trials=nowhere"], ["nowhere", "simulate"]),
         (["episode.friction=0.5"], ["parquet", "episode.friction", "0.5"]),
