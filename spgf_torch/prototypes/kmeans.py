@@ -19,10 +19,11 @@ def squared_distances(points: Tensor, centres: Tensor) -> Tensor:
     return _relative_distances(points, centres).add_(points.square().sum(1, keepdim=True)).clamp_(min=0)
 
 
-def nearest(points: Tensor, centres: Tensor) -> tuple[Tensor, Tensor]:
-    """Squared distance to (N,) and id of (N,) int64 the nearest centre."""
-    found = [squared_distances(part, centres).min(1) for part in _chunks(points, len(centres))]
-    return torch.cat([f.values for f in found]), torch.cat([f.indices for f in found])
+def nearest(points: Tensor, centres: Tensor, norms: Tensor | None = None) -> tuple[Tensor, Tensor]:
+    """Squared distance to (N,) and id of (N,) int64 the nearest centre; `norms` (N,): |x|^2, if it is known."""
+    found = [_relative_distances(part, centres).min(1) for part in _chunks(points, len(centres))]
+    norms = points.square().sum(1) if norms is None else norms
+    return torch.cat([f.values for f in found]).add_(norms).clamp_(min=0), torch.cat([f.indices for f in found])
 
 
 def assign(relations: Tensor, centres: Tensor) -> Tensor:
@@ -65,12 +66,12 @@ def kmeans_plusplus(
     return torch.stack(centres, dim=1)
 
 
-def lloyd_step(points: Tensor, centres: Tensor) -> tuple[Tensor, float]:
+def lloyd_step(points: Tensor, centres: Tensor, norms: Tensor | None = None) -> tuple[Tensor, float]:
     """Every centre moves to the mean of its points; the new centres (K, D) and the inertia of the old ones.
 
-    A centre without points moves to a point far from its own centre.
+    A centre without points moves to a point far from its own centre. `norms` as in `nearest`.
     """
-    distance, ids = nearest(points, centres)
+    distance, ids = nearest(points, centres, norms)
     sums, counts = cluster_sums(points, ids, len(centres))
     moved = torch.where(counts[:, None] > 0, sums / counts.clamp(min=1)[:, None], centres)
     return reassign_empty(points, moved, counts, distance), float(distance.double().sum())
@@ -78,9 +79,9 @@ def lloyd_step(points: Tensor, centres: Tensor) -> tuple[Tensor, float]:
 
 def lloyd(points: Tensor, centres: Tensor, steps: int, tolerance: float) -> Tensor:
     """Lloyd steps until one lowers the inertia by no more than the share `tolerance`, or `steps` are done."""
-    last = float("inf")
+    norms, last = points.square().sum(1), float("inf")
     for _ in range(steps):
-        centres, now = lloyd_step(points, centres)
+        centres, now = lloyd_step(points, centres, norms)
         if last - now <= tolerance * now:
             break
         last = now

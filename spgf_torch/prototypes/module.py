@@ -157,7 +157,7 @@ def _quiet() -> Iterator[None]:
 def _origin(relations: Tensor, config: PrototypeConfig, seed: int) -> str:
     """SHA-256 over what a fit depends on."""
     sha = hashlib.sha256(json.dumps([plain(config), seed, list(relations.shape)]).encode())
-    sha.update(relations.cpu().numpy())
+    sha.update(relations.cpu().numpy().data)
     return sha.hexdigest()
 
 

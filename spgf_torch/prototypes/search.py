@@ -40,15 +40,15 @@ def initial_centres(points: Tensor, config: PrototypeConfig, generator: torch.Ge
     sample = torch.randperm(len(points), generator=generator)[: config.subsample].to(points.device)
     projected = principal_components(points, config.components)
     thinned = projected[sample]
-    starts = kmeans_plusplus(thinned, K, config.restarts, generator)
-    starts = [lloyd(thinned, start, RESTART_STEPS, 0.0) for start in starts]
+    drawn = kmeans_plusplus(thinned, K, config.restarts, generator)
+    starts = [lloyd(thinned, start, RESTART_STEPS, 0.0) for start in drawn]
     finalists = sorted(starts, key=lambda start: inertia(thinned, start))[: config.finalists]
     finalists = [breathe(thinned, start, config.breath, generator) for start in finalists]
     best = breathe(projected, min(finalists, key=lambda start: inertia(projected, start)), config.breath, generator)
-    sums, counts = cluster_sums(points[sample], assign(thinned, best), K)
+    members, ids = points[sample], assign(thinned, best)
+    sums, counts = cluster_sums(members, ids, K)
     centres = sums / counts.clamp(min=1)[:, None]
-    distance = (points[sample] - centres[assign(thinned, best)]).square().sum(1)
-    return reassign_empty(points[sample], centres, counts, distance), counts
+    return reassign_empty(members, centres, counts, (members - centres[ids]).square().sum(1)), counts
 
 
 def principal_components(points: Tensor, components: int) -> Tensor:

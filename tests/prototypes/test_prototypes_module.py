@@ -20,9 +20,9 @@ from spgf_torch.sensing.sense import sense
 
 @pytest.fixture(scope="module")
 def relations() -> Tensor:
-    """Features of eight shipped objects."""
+    """Features of five shipped objects."""
     found = []
-    for obj in load_objects(root() / "data" / "objects")[::7]:
+    for obj in load_objects(root() / "data" / "objects")[::10]:
         texlets = sense(obj, settings(SensingConfig), 0)
         features = spgf(texlets.positions, texlets.normals, settings(FeatureConfig))
         found.append(features.relations()[features.valid])

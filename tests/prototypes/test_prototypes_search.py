@@ -14,7 +14,7 @@ def blobs(middles: Tensor, members: int = 100, spread: float = 0.1) -> Tensor:
 
 
 def test_principal_components_keep_what_varies_most() -> None:
-    """Coordinates of variance 100, 1 and 1e-4: the first axis alone, then two, say nearly all; all three, everything."""
+    """Coordinates of variance 100, 1 and 1e-4: one axis says most, two nearly all, three everything."""
     points = torch.randn(500, 3, generator=torch.Generator().manual_seed(0)) * torch.tensor([0.01, 10.0, 1.0]) + 5
     centred = points - points.mean(0)
     one, two, all_three = (principal_components(points, count) for count in (1, 2, 3))
