@@ -102,14 +102,12 @@ class Kernel:
     cells' centres: 1 within a cell, so that a support reads as a number of particles.
 
     Attributes:
-        voxel_offset (T,) int32, voxel_weight (T,) f32: translation neighbours, by offset of the index.
-        rotation (R, M) int32, rotation_weight (R, M) f32: rotation neighbours; padded with weight 0.
+        neighbour (R, N) int32: what to add to the voxel index of a cell of rotation r to get its neighbours' cells.
+        weight (R, N) f32: of these neighbours; rotations with fewer are padded with weight 0.
     """
 
-    voxel_offset: Tensor
-    voxel_weight: Tensor
-    rotation: Tensor
-    rotation_weight: Tensor
+    neighbour: Tensor
+    weight: Tensor
 
 
 def gaussian_kernel(lattice: Lattice, sigma: float, sigma_deg: float, device: str | torch.device = "cpu") -> Kernel:
@@ -130,9 +128,9 @@ def gaussian_kernel(lattice: Lattice, sigma: float, sigma_deg: float, device: st
     angle_weight.fill_diagonal_(1.0)
     most = int((angle_weight > 0).sum(1).max())
     rotation_weight, rotation = angle_weight.topk(most, dim=1)
-    return Kernel(
-        flat[kept].int().to(device), weight[kept].to(device), rotation.int().to(device), rotation_weight.to(device)
-    )
+    neighbour = (rotation * lattice.voxels).unsqueeze(2) + flat[kept]
+    weights = rotation_weight.unsqueeze(2) * weight[kept]
+    return Kernel(neighbour.flatten(1).int().to(device), weights.flatten(1).to(device))
 
 
 def _truncated_gaussian(distance: Tensor, sigma: float) -> Tensor:

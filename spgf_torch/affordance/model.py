@@ -98,19 +98,13 @@ def learn(
     lattice = lattice_of(config)
     kernel = gaussian_kernel(lattice, config.kernel, config.kernel_deg, centres.device)
     parts = [shape_grasp_particles(pairs, ids, success) for pairs, ids, success in examples]
-    particles = Particles(
-        torch.cat([p.prototype for p in parts]),
-        torch.cat([p.grasp_type for p in parts]),
-        torch.cat([p.cell for p in parts]),
-        torch.cat([p.success for p in parts]),
-    )
-    return GraspModel(centres, condense(particles, len(centres), lattice, kernel, config.min_support), lattice)
+    return GraspModel(centres, condense(parts, len(centres), lattice, kernel, config.min_support), lattice)
 
 
 def shape_grasp_particles(pairs: CellPairs, ids: Tensor, success: Tensor) -> Particles:
     """The particles of one object: ids (F,) int64 of its features, success (G,) bool of its grasps."""
-    grasp = pairs.grasp.long()
-    return Particles(ids[pairs.feature.long()], pairs.grasp_type[grasp], pairs.cell.long(), success[grasp])
+    prototype, grasp_type = ids.index_select(0, pairs.feature), pairs.grasp_type.index_select(0, pairs.grasp)
+    return Particles(prototype, grasp_type, pairs.cell, success.index_select(0, pairs.grasp))
 
 
 def vote(model: GraspModel, pairs: CellPairs, ids: Tensor) -> Votes:

@@ -32,7 +32,7 @@ class Particles:
     Attributes:
         prototype (P,) int64: id of the feature's prototype.
         grasp_type (P,) int64: index into `config.GRASP_TYPES`.
-        cell (P,) int64: lattice cell of the transform T_feature_grasp.
+        cell (P,) int32 or int64: lattice cell of the transform T_feature_grasp.
         success (P,) bool: outcome of the simulated grasp.
     """
 

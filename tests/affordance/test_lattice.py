@@ -59,11 +59,11 @@ def test_index_and_centres_are_inverse(generator: torch.Generator) -> None:
 def test_kernel_weights_by_hand() -> None:
     """At one standard deviation a Gaussian weighs exp(-1/2); voxel faces are 10 mm away, corners 17.3 > 2 * 6 mm."""
     kernel = gaussian_kernel(LATTICE, sigma=0.01, sigma_deg=0.0)
-    weights = dict(zip(kernel.voxel_offset.tolist(), kernel.voxel_weight.tolist(), strict=True))
+    weights = dict(zip(kernel.neighbour[0].tolist(), kernel.weight[0].tolist(), strict=True))  # of rotation 0
     assert weights[0] == 1.0
     assert weights[1] == pytest.approx(math.exp(-0.5))
     assert weights[LATTICE.side + 1] == pytest.approx(math.exp(-1.0))
-    assert len(gaussian_kernel(LATTICE, 0.006, 0.0).voxel_offset) == 7  # the centre and six faces
+    assert gaussian_kernel(LATTICE, 0.006, 0.0).weight.shape[1] == 7  # the centre and six faces
 
 
 def test_rotation_neighbours_are_all_within_two_deviations() -> None:
@@ -72,5 +72,5 @@ def test_rotation_neighbours_are_all_within_two_deviations() -> None:
     angle = torch.rad2deg(2 * torch.acos((centres @ centres.T).abs().clamp(max=1)))
     expected = torch.where(angle <= 30.0 + 1e-4, torch.exp(-0.5 * (angle / 15.0) ** 2), torch.zeros_like(angle))
     found = torch.zeros_like(expected)
-    found.scatter_add_(1, kernel.rotation.long(), kernel.rotation_weight.double())
+    found.scatter_add_(1, kernel.neighbour.long() // LATTICE.voxels, kernel.weight.double())
     assert torch.allclose(found, expected, atol=2e-3)

@@ -79,7 +79,7 @@ def kernel() -> Kernel:
 
 def test_condense_equals_the_loop(generator: torch.Generator, kernel: Kernel) -> None:
     particles = random_particles(300, generator)
-    condensed = condense(particles, PROTOTYPES, LATTICE, kernel, 2.0)
+    condensed = condense([particles], PROTOTYPES, LATTICE, kernel, 2.0)
     expected = loop_condense(particles, 0.006, 30.0, 2.0)
     found = {}
     for s, cell, p, n in zip(
@@ -96,7 +96,7 @@ def test_order_of_particles_does_not_matter(generator: torch.Generator, kernel: 
     particles = random_particles(500, generator)
     order = torch.randperm(500, generator=generator)
     shuffled = Particles(*(getattr(particles, n)[order] for n in ("prototype", "grasp_type", "cell", "success")))
-    a, b = (condense(p, PROTOTYPES, LATTICE, kernel, 1.0) for p in (particles, shuffled))
+    a, b = (condense([p], PROTOTYPES, LATTICE, kernel, 1.0) for p in (particles, shuffled))
     for name in ("slice_start", "cell", "probability", "support", "base_rate"):
         assert torch.equal(getattr(a, name), getattr(b, name))
 
@@ -107,7 +107,7 @@ def test_four_particles_by_hand() -> None:
     cell = LATTICE.index(torch.tensor([[0.0, 0, 0]] * 3 + [[0.02, 0, 0]]), torch.tensor([[1.0, 0, 0, 0]] * 4))
     zero = torch.zeros(4, dtype=torch.long)
     particles = Particles(zero, zero, cell, torch.tensor([True, False, True, True]))
-    condensed = condense(particles, 1, LATTICE, kernel, min_support=2)
+    condensed = condense([particles], 1, LATTICE, kernel, min_support=2)
     assert condensed.cell.tolist() == [int(cell[0])]
     assert condensed.probability.tolist() == pytest.approx([2 / 3])
     assert condensed.support.tolist() == [3.0]
@@ -131,7 +131,7 @@ def test_pairs_are_the_same_in_any_frame(generator: torch.Generator) -> None:
 
 
 def test_votes_equal_brute_force(generator: torch.Generator, kernel: Kernel) -> None:
-    condensed = condense(random_particles(400, generator), PROTOTYPES, LATTICE, kernel, 2.0)
+    condensed = condense([random_particles(400, generator)], PROTOTYPES, LATTICE, kernel, 2.0)
     asked = random_particles(300, generator)
     slice_ = asked.prototype * 2 + asked.grasp_type
     found = VotingIndex(condensed, LATTICE).find(slice_, asked.cell)
