@@ -21,6 +21,8 @@ def of_type(grasp_type: np.ndarray, name: str) -> np.ndarray:
 def top_n(score: np.ndarray, success: np.ndarray, grasp_type: np.ndarray, n: int) -> Rates:
     """Eq. 10: the share of successes among the n highest-ranked grasps, of each type and of both in one ranking.
 
+    Of fewer than n grasps the share is that of all of them; of none it is 0.
+
     Args:
         score (G,) float, higher is better; ties go to the earlier grasp. success (G,) bool, grasp_type (G,) int.
     """
@@ -28,7 +30,7 @@ def top_n(score: np.ndarray, success: np.ndarray, grasp_type: np.ndarray, n: int
     for name in TYPES:
         among = np.flatnonzero(of_type(grasp_type, name))
         best = among[np.argsort(-score[among], kind="stable")[:n]]
-        rates[name] = float(success[best].mean())
+        rates[name] = float(success[best].mean()) if len(best) else 0.0
     return rates
 
 
@@ -79,6 +81,22 @@ def bootstrap_interval(
         name: {kind: np.quantile(mean[:, j], (0.025, 0.975)).tolist() for j, kind in enumerate(kinds)}
         for name, mean in means.items()
     }
+
+
+def paired_difference(
+    classes: Sequence[str],
+    ours: Sequence[Mapping[str, float]],
+    theirs: Sequence[Mapping[str, float]],
+    resamples: int,
+    seed: int,
+) -> tuple[dict[str, Rates], dict[str, dict[str, list[float]]]]:
+    """Mean of ours - theirs over the same objects, and its 95 % interval, as `class_means` and `bootstrap_interval`.
+
+    What an object contributes to both cancels: the interval is that of the difference, not of two unrelated means.
+    """
+    pairs = zip(ours, theirs, strict=True)
+    differences = [{kind: mine[kind] - other[kind] for kind in mine} for mine, other in pairs]
+    return class_means(classes, differences), bootstrap_interval(classes, differences, resamples, seed)
 
 
 def _members(classes: Sequence[str]) -> dict[str, np.ndarray]:

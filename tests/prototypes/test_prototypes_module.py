@@ -35,7 +35,7 @@ def small() -> PrototypeConfig:
 
 
 def test_stable_between_seeds_and_no_worse_than_scikit_learn(relations: Tensor) -> None:
-    """Measured on all fifty objects at K = 20: adjusted Rand index 0.98 between seeds, 1 % less inertia on average."""
+    """On forty objects (benchmarks/kmeans.py): adjusted Rand index 0.98, inertia 0.04 to 0.9 % below scikit-learn's."""
     config = settings(PrototypeConfig, num_clusters=20)
     first, second = (fit_prototypes(relations, config, seed) for seed in (0, 1))
     assert first.shape == (20, 144) and first.dtype == torch.float32
