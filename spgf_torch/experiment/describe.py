@@ -6,8 +6,10 @@ Nothing here depends on K or on the folds, so it is made once.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import torch
 from torch import Tensor
@@ -20,6 +22,11 @@ from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
 from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.texlets import Texlets
+
+T = TypeVar("T")
+
+# Objects described at once: numpy, torch and embree let go of the interpreter while they work.
+THREADS = 2
 
 
 @dataclass(frozen=True)
@@ -68,20 +75,14 @@ class Description:
 
     def describe(self, objects: Sequence[GraspObject], grasps: Sequence[Grasps], stages: Stages) -> list[Described]:
         """Sense objects, compute their features, and pair these with grasps; one stage of progress each."""
-        texlets, features, described = [], [], []
-        with stages.stage("sensing", len(objects), "objects") as advance:
-            for obj in objects:
-                texlets.append(sense(obj, self.sensing, self.seed))
-                advance(1)
-        with stages.stage("features", len(objects), "objects") as advance:
-            for obj, seen in zip(objects, texlets, strict=True):
-                features.append(self.valid_features(obj.name, seen))
-                advance(1)
-        with stages.stage("particles", len(objects), "objects") as advance:
-            for i, obj in enumerate(objects):
-                described.append(self.pair(obj.name, texlets[i], features[i], grasps[i]))
-                advance(1)
-        return described
+
+        def in_turn(stage: str, work: Callable[[int], T]) -> list[T]:
+            with stages.stage(stage, len(objects), "objects") as advance, ThreadPoolExecutor(THREADS) as pool:
+                return [(advance(1), done)[1] for done in pool.map(work, range(len(objects)))]
+
+        texlets = in_turn("sensing", lambda i: sense(objects[i], self.sensing, self.seed))
+        features = in_turn("features", lambda i: self.valid_features(objects[i].name, texlets[i]))
+        return in_turn("particles", lambda i: self.pair(objects[i].name, texlets[i], features[i], grasps[i]))
 
     def valid_features(self, name: str, texlets: Texlets) -> Features:
         """The features of the texlets that have a neighbour."""
