@@ -72,8 +72,8 @@ def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path],
         (folder / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.create(plain(config))))
         run(config, folder)
     except BaseException:
-        if not (folder / "results.json").exists():
-            shutil.rmtree(folder, ignore_errors=True)
+        if {path.name for path in folder.iterdir()} <= {"config.yaml"}:  # nothing done yet that would be lost
+            shutil.rmtree(folder)
         raise
     point_latest(folder)
 
