@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
 from collections.abc import Callable
@@ -54,6 +55,9 @@ def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
 def fail(command: str, error: Exception) -> None:
     """Say what is wrong with the input in one line and leave with status 2."""
     lines = [line.strip() for line in str(error).splitlines()]
+    told = re.search(r"Could not override '([^']+)'", str(error))
+    if told:
+        lines = [f"{told[1]}: expected a setting of {command} (see --help), got an unknown key"]
     words = [line for line in lines if line and not line.startswith(("full_key:", "object_type=", "reference_type"))]
     print(f"{command}: {' '.join(words)}", file=sys.stderr)
     sys.exit(2)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from omegaconf import MISSING, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 GRASP_TYPES = ("NPG", "WPG")
 CLASSES = ("containers", "boxes", "curved")
@@ -296,6 +296,8 @@ def typed(kind: type[T], values: Any) -> T:
     try:
         merged = OmegaConf.merge(OmegaConf.structured(kind), OmegaConf.create(_plain(values)))
         result = OmegaConf.to_object(merged)
+    except MissingMandatoryValue as error:
+        raise InputError(f"{error.full_key or error.key}: expected a value, got none") from None
     except OmegaConfBaseException as error:
         raise InputError(_one_line(error)) from None
     _check(result, "")

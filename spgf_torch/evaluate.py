@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from spgf_torch.cli import door
-from spgf_torch.config import EvaluateConfig, find
+from spgf_torch.config import EvaluateConfig, InputError, find
 from spgf_torch.progress import Stages
 
 
@@ -23,6 +23,8 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.trials.runner import Trials
 
     check_device(config.device)
+    if not find(config.objects).is_dir():
+        raise InputError(f"objects: expected a folder of meshes, got {config.objects}")
     stages = Stages()
     model = load_model(find(config.model), config.device)
     describe, learner = restore(model, config, stages)

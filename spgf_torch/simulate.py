@@ -18,19 +18,19 @@ def run(config: SimulateConfig, folder: Path) -> None:
     from spgf_torch.evaluation.tables import random_rates
     from spgf_torch.trials.hand import load_hand
     from spgf_torch.trials.runner import Trials, origin, simulate
-    from spgf_torch.trials.table import read_table, table_path, write_table
+    from spgf_torch.trials.table import read_table, read_tables, table_path, write_table
 
+    out = Path(config.out) if config.out else folder
+    _make_folder(out)
     objects = read_objects(config)
     trials = Trials(load_hand(config.hand), config.episode)
-    out = Path(config.out) if config.out else folder
     waiting = []
     for obj in objects:
         path = table_path(out, obj.name)
         if not path.exists():
             waiting.append(obj)
-        elif read_table(path).origin != origin(obj, trials, config.sampler, config.candidates, config.seed):
-            raise InputError(f"{path}: expected no trials or those of these settings, got others; choose another out=")
-    out.mkdir(parents=True, exist_ok=True)
+        else:
+            read_tables(out, [origin(obj, trials, config.sampler, config.candidates, config.seed)])
     (out / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.create(plain(config))))
     stages, total = Stages(), 2 * config.candidates * len(waiting)
     with stages.stage("trials", total, "candidates") as advance:
@@ -44,6 +44,13 @@ def run(config: SimulateConfig, folder: Path) -> None:
     if waiting:
         show(f"{total / stages.seconds['trials']:.0f} candidates/s")
     show(f"{len(objects)} files in {out}")
+
+
+def _make_folder(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"out: expected a folder that can be made, got {out} ({error.strerror})") from error
 
 
 def read_objects(config: SimulateConfig) -> list[GraspObject]:

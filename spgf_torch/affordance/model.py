@@ -21,11 +21,18 @@ from spgf_torch.affordance.lattice import Lattice, gaussian_kernel
 from spgf_torch.affordance.neighbourhood import Condensed, condense
 from spgf_torch.affordance.particles import Particles, pairs_within
 from spgf_torch.affordance.voting import Votes, VotingIndex, cast_votes
-from spgf_torch.config import AffordanceConfig, InputError
+from spgf_torch.config import GRASP_TYPES, AffordanceConfig, InputError
 
 FORMAT = "spgf_torch model"
 SCHEMA = 1
 _TENSORS = ("centres", "slice_start", "cell", "probability", "support", "base_rate")
+
+
+# What model.json must say.
+_SECTIONS = {
+    "lattice": {"reach", "voxel", "rotation_deg"},
+    "settings": {"features", "prototypes", "affordance", "hand"},
+}
 
 
 @dataclass(frozen=True)
@@ -146,14 +153,29 @@ def load_model(folder: Path, device: str = "cpu") -> GraspModel:
     missing = [name for name in _TENSORS if name not in tensors]
     if missing:
         raise InputError(f"{path}: expected the tensors {', '.join(_TENSORS)}; missing {', '.join(missing)}")
+    _check_shapes(path, tensors)
     tensors["cell"] = tensors["cell"].long()
     condensed = Condensed(*(tensors[name] for name in _TENSORS[1:]))
-    return GraspModel(tensors["centres"], condensed, Lattice(**document["lattice"]), document["settings"])
+    return GraspModel(tensors["centres"], condensed, _lattice(document["lattice"]), document["settings"])
+
+
+def _lattice(section: dict[str, float]) -> Lattice:
+    return Lattice(section["reach"], section["voxel"], section["rotation_deg"])
+
+
+def _check_shapes(path: Path, tensors: dict[str, Tensor]) -> None:
+    """Raises InputError where the tensors do not belong together."""
+    slices, points = len(tensors["centres"]) * len(GRASP_TYPES), int(tensors["slice_start"].reshape(-1)[-1:].sum())
+    expected = dict.fromkeys(("cell", "probability", "support"), (points,))
+    expected |= {"slice_start": (slices + 1,), "base_rate": (len(GRASP_TYPES),)}
+    for name, shape in expected.items():
+        if tuple(tensors[name].shape) != shape:
+            raise InputError(f"{path}: expected {name} of shape {shape}, got {tuple(tensors[name].shape)}")
 
 
 def _read_json(path: Path) -> dict[str, Any]:
     if not path.is_file():
-        raise InputError(f"{path}: expected the description of a model that train left, found no such file")
+        raise InputError(f"{path}: expected a model that train left (make train), found no such file")
     try:
         document = json.loads(path.read_text())
     except (json.JSONDecodeError, UnicodeDecodeError):
@@ -161,6 +183,8 @@ def _read_json(path: Path) -> dict[str, Any]:
     found = (document.get("format"), document.get("schema")) if isinstance(document, dict) else type(document).__name__
     if found != (FORMAT, SCHEMA):
         raise InputError(f"{path}: expected format {FORMAT!r}, schema {SCHEMA}; got {found}")
-    if not {"lattice", "settings"} <= document.keys():
-        raise InputError(f"{path}: expected the keys lattice and settings; got {', '.join(sorted(document))}")
+    for key, needed in _SECTIONS.items():
+        section = document.get(key)
+        if not isinstance(section, dict) or not needed <= section.keys():
+            raise InputError(f"{path}: expected {key} with the keys {', '.join(sorted(needed))}; got something else")
     return document

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 from torch import Tensor
+from yaml import YAMLError
 
 from spgf_torch.affordance.sensed_collision import HandVolume, hand_volume
 from spgf_torch.config import HandConfig, InputError, TrainConfig, find
@@ -53,8 +55,8 @@ def _made_with(path: Path) -> tuple[int, int]:
     """How many candidates of each type, and the seed, of the trials that `simulate` left beside this file."""
     if not path.is_file():
         raise InputError(f"{path}: expected the settings of a trial table (python -m spgf_torch.simulate), got no file")
-    settings = OmegaConf.load(path)
     try:
+        settings = OmegaConf.load(path)
         return int(settings.candidates), int(settings.seed)
-    except (AttributeError, TypeError, ValueError):
+    except (AttributeError, TypeError, ValueError, OSError, YAMLError, OmegaConfBaseException):
         raise InputError(f"{path}: expected the keys candidates and seed, got something else") from None

@@ -134,12 +134,19 @@ def read_table(path: Path) -> TrialTable:
         content = pq.read_table(path)
     except (pa.ArrowInvalid, OSError) as error:
         raise InputError(f"{path}: expected a trial table, got a damaged file ({_first_line(error)})") from None
+    try:
+        return _decoded(path, content)
+    except (KeyError, TypeError, ValueError, AttributeError, pa.ArrowException) as error:
+        raise InputError(f"{path}: expected the columns of a trial table, got others ({_first_line(error)})") from error
+
+
+def _decoded(path: Path, content: pa.Table) -> TrialTable:
     about = json.loads((content.schema.metadata or {}).get(KEY, b"{}"))
     if about.get("schema") != SCHEMA:
         raise InputError(
             f"{path}: expected a trial table of schema {SCHEMA}, got {about.get('schema', 'a foreign file')}"
         )
-    return TrialTable(
+    table = TrialTable(
         origin=Origin(**about["origin"]),
         position=_floats(content, POSITION),
         quaternion=_floats(content, QUATERNION),
@@ -147,6 +154,12 @@ def read_table(path: Path) -> TrialTable:
         outcome=_codes(path, content, "outcome", OUTCOMES),
         versions=about["versions"],
     )
+    rows = table.origin.candidates * len(GRASP_TYPES)
+    if len(table) != rows:
+        raise InputError(f"{path}: expected {rows} trials, got {len(table)}")
+    if not (table.position.isfinite().all() and table.quaternion.isfinite().all()):
+        raise InputError(f"{path}: expected finite poses, got NaN or infinite ones")
+    return table
 
 
 def read_tables(folder: Path, expected: Iterable[Origin]) -> list[TrialTable]:

@@ -1,6 +1,7 @@
 """Neighbourhood analysis, condensation, votes and rankings against loops that follow the definitions."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -186,6 +187,9 @@ def test_an_empty_model_supports_nothing() -> None:
         assert rank(votes, condensed, one, SHRUNK).tolist() == [UNSUPPORTED]
 
 
+SETTINGS = {"features": {}, "prototypes": {}, "affordance": {}, "hand": {}}
+
+
 @pytest.fixture
 def model(generator: torch.Generator) -> affordance.GraspModel:
     config = settings(AffordanceConfig, reach=0.03, rotation_deg=60, min_support=1, features_per_object=20)
@@ -196,7 +200,8 @@ def model(generator: torch.Generator) -> affordance.GraspModel:
     pairs = affordance.cell_pairs(features, grasps, grasp_type, config, generator)
     assert pairs.feature.unique().numel() == 20
     ids = torch.randint(4, (50,), generator=generator)
-    return affordance.learn([(pairs, ids, torch.rand(50, generator=generator) < 0.5)], torch.rand(4, 144), config)
+    learned = affordance.learn([(pairs, ids, torch.rand(50, generator=generator) < 0.5)], torch.rand(4, 144), config)
+    return replace(learned, settings=SETTINGS)
 
 
 def test_model_round_trip(model: affordance.GraspModel, tmp_path) -> None:
@@ -214,6 +219,7 @@ def test_model_round_trip(model: affordance.GraspModel, tmp_path) -> None:
         ("model.json", "not json", "expected a JSON document"),
         ("model.json", '{"format": "other"}', "expected format 'spgf_torch model'"),
         ("model.json", "[]", "expected format"),
+        ("model.json", '{"format": "spgf_torch model", "schema": 1, "lattice": {}}', "expected lattice with the keys"),
         ("model.safetensors", None, "found no such file"),
         ("model.safetensors", "cut", "expected a safetensors file"),
     ],
@@ -226,6 +232,13 @@ def test_foreign_models_are_refused(model, tmp_path, file: str, content: str | N
     with pytest.raises(InputError, match=says) as error:
         affordance.load_model(tmp_path)
     assert "\n" not in str(error.value) and file in str(error.value)
+
+
+def test_tensors_that_do_not_belong_together_are_refused(model, tmp_path) -> None:
+    shorter = replace(model, condensed=replace(model.condensed, cell=model.condensed.cell[:1]))
+    affordance.save_model(shorter, tmp_path)
+    with pytest.raises(InputError, match="expected cell of shape"):
+        affordance.load_model(tmp_path)
 
 
 def test_a_model_cut_in_half_is_refused(model, tmp_path) -> None:

@@ -97,7 +97,7 @@ def test_the_same_command_gives_the_same_results(small: Path) -> None:
         (["+Kk=7"], ["Kk"]),
         (["K=abc"], ["abc", "Integer"]),
         (["features.radius=-1"], ["features.radius", "got -1"]),
-        (["foo=3"], ["foo"]),
+        (["foo=3"], ["foo", "unknown key"]),
         (["device=abacus"], ["device", "abacus"]),
         (["objects=nowhere"], ["nowhere"]),
         (["trials=nowhere"], ["nowhere", "simulate"]),
@@ -110,12 +110,15 @@ def test_train_refuses_bad_input(overrides: list[str], words: list[str], tmp_pat
     assert not list(tmp_path.glob("outputs/train/*"))
 
 
-def test_train_refuses_a_trial_file_cut_in_half(small: Path, tmp_path: Path) -> None:
+def test_train_refuses_damaged_trials(small: Path, tmp_path: Path) -> None:
     shutil.copytree(small / "trials", tmp_path / "trials")
     path = tmp_path / "trials/egg.parquet"
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     done = call("train", f"objects={small}/objects", "trials=trials", *TINY, cwd=tmp_path)
     refused(done, "egg.parquet", "damaged")
+    (tmp_path / "trials/config.yaml").write_text("candidates: [1")
+    done = call("train", f"objects={small}/objects", "trials=trials", *TINY, cwd=tmp_path)
+    refused(done, "config.yaml", "candidates and seed")
 
 
 @pytest.mark.parametrize("command", ["train", "simulate", "evaluate"])
@@ -137,7 +140,8 @@ def test_simulate_makes_a_table_once(small: Path, tmp_path: Path) -> None:
     made = (tmp_path / "table/egg.parquet").read_bytes()
     again = call("simulate", *command, cwd=tmp_path)  # finished work is kept
     assert again.returncode == 0 and (tmp_path / "table/egg.parquet").read_bytes() == made
-    refused(call("simulate", *command, "seed=1", cwd=tmp_path), "egg.parquet", "out=")
+    refused(call("simulate", *command, "seed=1", cwd=tmp_path), "egg.parquet", "seed 1", "got 0")
+    refused(call("simulate", "out=table/egg.parquet", cwd=tmp_path), "out", "egg.parquet")
 
 
 @pytest.fixture(scope="module")

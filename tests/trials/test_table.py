@@ -92,6 +92,30 @@ def test_tables_of_another_hand_object_or_setting_are_refused(tmp_path, table, c
     assert str(error.value).endswith("mug.parquet: " + message)
 
 
+def rewritten(path, change):
+    """The table with its columns changed and our metadata kept."""
+    content = pq.read_table(path)
+    pq.write_table(change(content).replace_schema_metadata(content.schema.metadata), path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t.drop(["x"]), "expected the columns"),
+        (lambda t: t.set_column(2, "x", pa.array(["far"] * len(t))), "expected the columns"),
+        (lambda t: t.slice(0, 1), "trials, got 1"),
+        (lambda t: t.set_column(2, "x", pa.array([float("nan")] * len(t), pa.float32())), "finite poses"),
+    ],
+)
+def test_damaged_content_is_refused(tmp_path, table, change, message):
+    path = tmp_path / "mug.parquet"
+    write_table(path, table)
+    rewritten(path, change)
+    with pytest.raises(InputError, match=message) as error:
+        read_table(path)
+    assert "mug.parquet" in str(error.value) and "\n" not in str(error.value)
+
+
 def test_reading_needs_no_simulator():
     code = "import sys, spgf_torch.trials.table, spgf_torch.trials.runner; print('sapien' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
