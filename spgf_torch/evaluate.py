@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+
+import torch
 
 from spgf_torch.cli import door
 from spgf_torch.config import EvaluateConfig, InputError, find
+from spgf_torch.evaluation.executed import ObjectOutcome
+from spgf_torch.experiment.execution import Executed
+from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
 
 
@@ -15,7 +21,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.evaluation.executed import executed_results
     from spgf_torch.evaluation.results import write_json
     from spgf_torch.evaluation.tables import executed_table, scans_table
-    from spgf_torch.experiment.execution import candidate_grasps, execute_best, outcomes_of
+    from spgf_torch.experiment.execution import candidate_grasps, execute_best
     from spgf_torch.experiment.restored import restore
     from spgf_torch.objects.scans import load_scans
     from spgf_torch.progress import show
@@ -47,6 +53,17 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     write_json(folder / "results.json", results)
     show(executed_table(results))
     show(f"results and settings in {folder}")
+
+
+def outcomes_of(objects: Sequence[GraspObject], executed: Sequence[Executed], seconds: float) -> list[ObjectOutcome]:
+    """Rates of each object; `seconds` of prediction an object."""
+    outcomes = []
+    for obj, ran in zip(objects, executed, strict=True):
+        random = {kind: ran.rate(chosen) for kind, chosen in ran.random.items()}
+        random["CG"] = ran.rate(torch.cat(list(ran.random.values())))
+        best = {kind: ran.rate(chosen) for kind, chosen in ran.best.items()}
+        outcomes.append(ObjectOutcome(obj.name, obj.category, best, random, seconds))
+    return outcomes
 
 
 if __name__ == "__main__":

@@ -44,10 +44,6 @@ class Condensed:
     support: Tensor
     base_rate: Tensor
 
-    @property
-    def prototypes(self) -> int:
-        return (len(self.slice_start) - 1) // len(GRASP_TYPES)
-
     def slice_of_point(self) -> Tensor:
         """(P,) int64 slice of each point."""
         counts = self.slice_start.diff()

@@ -11,7 +11,6 @@ import torch
 from torch import Tensor
 
 from spgf_torch.config import GRASP_TYPES, EvaluateConfig, SamplerConfig
-from spgf_torch.evaluation.executed import ObjectOutcome
 from spgf_torch.experiment.describe import Grasps
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
@@ -84,14 +83,3 @@ def execute_best(
             success[i][which] = codes == SUCCESS
             ran[i][which] = True
     return [Executed(*row) for row in zip(best, success, ran, random, strict=True)]
-
-
-def outcomes_of(objects: Sequence[GraspObject], executed: Sequence[Executed], seconds: float) -> list[ObjectOutcome]:
-    """Rates of each object; `seconds` of prediction an object."""
-    outcomes = []
-    for obj, ran in zip(objects, executed, strict=True):
-        random = {kind: ran.rate(chosen) for kind, chosen in ran.random.items()}
-        random["CG"] = ran.rate(torch.cat(list(ran.random.values())))
-        best = {kind: ran.rate(chosen) for kind, chosen in ran.best.items()}
-        outcomes.append(ObjectOutcome(obj.name, obj.category, best, random, seconds))
-    return outcomes

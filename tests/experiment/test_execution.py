@@ -5,7 +5,8 @@ import torch
 import trimesh
 
 from spgf_torch.config import SamplerConfig, settings
-from spgf_torch.experiment.execution import Executed, best_grasps, candidate_grasps, outcomes_of
+from spgf_torch.evaluate import outcomes_of
+from spgf_torch.experiment.execution import Executed, best_grasps, candidate_grasps
 from spgf_torch.objects.grasp_object import GraspObject
 
 
