@@ -28,8 +28,13 @@ class Stages:
         self.seconds: dict[str, float] = {}
 
     @contextmanager
-    def stage(self, name: str, total: int, unit: str = "") -> Iterator[Callable[[int], None]]:
-        """Run a stage of `total` steps; call the yielded function with the number of steps just done."""
+    def stage(
+        self, name: str, total: int, unit: str = "", note: Callable[[], str] = str
+    ) -> Iterator[Callable[[int], None]]:
+        """Run a stage of `total` steps; call the yielded function with the number of steps just done.
+
+        `note` gives the end of the stage's last line.
+        """
         start = time.perf_counter()
         columns = (
             TextColumn("{task.description:12}"),
@@ -56,7 +61,7 @@ class Stages:
             yield advance
         taken = time.perf_counter() - start
         self.seconds[name] = self.seconds.get(name, 0.0) + taken
-        console.print(f"{name:12} {done:6d} {unit:10} done in {taken:6.1f} s")
+        console.print(f"{name:12} {done:6d} {unit:10} done in {taken:6.1f} s{note()}")
 
 
 def show(content: Any) -> None:

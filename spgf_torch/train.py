@@ -15,6 +15,7 @@ from spgf_torch.progress import Stages
 def run(config: TrainConfig, folder: Path) -> None:
     """Describe the objects, cross-validate, learn on all of them; write results and the model into `folder`."""
     from spgf_torch.affordance.model import check_device, save_model
+    from spgf_torch.cache import Cache
     from spgf_torch.evaluation.folds import stratified_folds
     from spgf_torch.evaluation.results import Novel, build_results, write_json, write_per_object
     from spgf_torch.evaluation.tables import free_line, results_table
@@ -28,7 +29,10 @@ def run(config: TrainConfig, folder: Path) -> None:
     objects = load_objects(find(config.objects))
     tried = tried_grasps(objects, config)
     volumes = open_hand(config.hand)
-    describe = Description(config.sensing, config.features, config.affordance, volumes, config.seed, config.device)
+    cache = Cache.open(config.cache, config.cache_gb)
+    describe = Description(
+        config.sensing, config.features, config.affordance, volumes, config.seed, config.device, cache
+    )
     described = describe.describe(objects, [t.grasps for t in tried], stages)
     success = [t.success.to(config.device) for t in tried]
 

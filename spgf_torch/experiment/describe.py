@@ -1,6 +1,6 @@
-"""What the learner sees of an object: features, their pairs with the tried grasps, and the outcomes.
+"""What the learner sees of an object: features, their pairs with the tried grasps, and sensed collisions.
 
-Nothing here depends on K or on the folds, so it is made once.
+Nothing here depends on K or on the folds, so it is made once, and kept for later runs where there is a cache.
 """
 
 from __future__ import annotations
@@ -8,14 +8,16 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import TypeVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Generic, TypeVar
 
 import torch
 from torch import Tensor
 
 from spgf_torch.affordance.model import CellPairs, cell_pairs
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
+from spgf_torch.cache import Cache, fingerprint, program
 from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, SensingConfig
 from spgf_torch.features.spgf import Features, spgf
 from spgf_torch.objects.grasp_object import GraspObject
@@ -27,6 +29,9 @@ T = TypeVar("T")
 
 # Objects described at once: numpy, torch and embree let go of the interpreter while they work.
 THREADS = 2
+
+# The settings that pairs of features and grasps depend on; the others are about what is learned from them.
+PAIRING = ("reach", "voxel", "rotation_deg", "features_per_object")
 
 
 @dataclass(frozen=True)
@@ -61,10 +66,14 @@ class Described:
         """(G,) int64: index into `config.GRASP_TYPES`."""
         return self.pairs.grasp_type
 
+    def of_grasps(self, chosen: Tensor) -> Described:
+        """With the grasps `chosen` (C,) int64 alone."""
+        return Described(self.relations, self.pairs.of_grasps(chosen), self.collides[chosen])
+
 
 @dataclass(frozen=True)
 class Description:
-    """The settings and the hand that describe objects."""
+    """The settings and the hand that describe objects, and the cache that keeps what they are described by."""
 
     sensing: SensingConfig
     features: FeatureConfig
@@ -72,35 +81,135 @@ class Description:
     volumes: Mapping[str, HandVolume]
     seed: int
     device: str = "cpu"
+    cache: Cache = field(default_factory=lambda: Cache(None))
 
     def describe(self, objects: Sequence[GraspObject], grasps: Sequence[Grasps], stages: Stages) -> list[Described]:
         """Sense objects, compute their features, and pair these with grasps; one stage of progress each."""
+        all_steps = [Steps(self, obj, tried) for obj, tried in zip(objects, grasps, strict=True)]
 
-        def in_turn(stage: str, work: Callable[[int], T]) -> list[T]:
-            with stages.stage(stage, len(objects), "objects") as advance, ThreadPoolExecutor(THREADS) as pool:
-                return [(advance(1), done)[1] for done in pool.map(work, range(len(objects)))]
+        def in_turn(stage: str, work: Callable[[Steps], T], *made: str) -> list[T]:
+            def kept() -> str:
+                count = sum(not steps.made & set(made) for steps in all_steps)
+                return f", {count} from the cache" if count else ""
 
-        texlets = in_turn("sensing", lambda i: sense(objects[i], self.sensing, self.seed))
-        features = in_turn("features", lambda i: self.valid_features(objects[i].name, texlets[i]))
-        return in_turn("particles", lambda i: self.pair(objects[i].name, texlets[i], features[i], grasps[i]))
+            threads = min(THREADS, torch.get_num_threads())
+            with stages.stage(stage, len(objects), "objects", kept) as advance, ThreadPoolExecutor(threads) as pool:
+                return [(advance(1), done)[1] for done in pool.map(work, all_steps)]
 
-    def valid_features(self, name: str, texlets: Texlets) -> Features:
+        in_turn("sensing", Steps.sense_if_needed, "texlets")
+        in_turn("features", lambda steps: steps.features, "features")
+        return in_turn("particles", Steps.described, "pairs", "collisions")
+
+
+class once(Generic[T]):  # noqa: N801
+    """A property that is computed when first asked for: `functools.cached_property` as from Python 3.12 on.
+
+    Before, that holds one lock for all objects of a class, and no two threads would ever describe at once.
+    """
+
+    def __init__(self, make: Callable[[Any], T]) -> None:
+        self.make, self.__doc__ = make, make.__doc__
+
+    def __get__(self, owner: Any, kind: type | None = None) -> T:
+        value = owner.__dict__[self.make.__name__] = self.make(owner)
+        return value
+
+
+class Steps:
+    """The steps of describing one object; each is read from the cache or made when it is first asked for.
+
+    A step's key holds the keys of the steps before it, so nothing need be sensed to find what was made of it.
+    """
+
+    def __init__(self, settings: Description, obj: GraspObject, grasps: Grasps) -> None:
+        self.settings, self.obj, self.grasps = settings, obj, grasps
+        self.pairing = AffordanceConfig(**{name: getattr(settings.affordance, name) for name in PAIRING})
+        self.made: set[str] = set()
+        surface = (obj.name, obj.mesh.vertices, obj.mesh.faces)
+        device, seed, tried = torch.device(settings.device).type, settings.seed, fingerprint(grasps)
+        texlets = _key(sense, surface, settings.sensing, seed)
+        features = _key(spgf, texlets, settings.features, seed, device)
+        self.keys = {
+            "texlets": texlets,
+            "features": features,
+            "pairs": _key(cell_pairs, features, tried, self.pairing, seed, device),
+            "collisions": _key(sensed_collision, texlets, tried, settings.volumes, device),
+        }
+
+    @once
+    def texlets(self) -> Texlets:
+        """What the cameras see, on the CPU."""
+        return Texlets(
+            **self._kept("texlets", lambda: vars(sense(self.obj, self.settings.sensing, self.settings.seed)))
+        )
+
+    @once
+    def features(self) -> Features:
         """The features of the texlets that have a neighbour."""
-        positions, normals = texlets.positions.to(self.device), texlets.normals.to(self.device)
-        found = spgf(positions, normals, self.features, self.generator(name, 0))
-        return Features(found.T_object_feature[found.valid], found.rings[found.valid], found.valid[found.valid])
 
-    def pair(self, name: str, texlets: Texlets, features: Features, grasps: Grasps) -> Described:
-        """Pairs of features and grasps, and the grasps' sensed collisions."""
-        T, grasp_type = grasps.T_object_tcp.to(self.device), grasps.grasp_type.to(self.device)
-        pairs = cell_pairs(features.T_object_feature, T, grasp_type, self.affordance, self.generator(name, 1))
-        collides = torch.zeros_like(grasp_type, dtype=torch.bool)
-        for code, kind in enumerate(GRASP_TYPES):
-            of_type = grasp_type == code
-            points = texlets.positions.to(self.device)
-            collides[of_type] = sensed_collision(points, T[of_type], self.volumes[kind])
-        return Described(features.relations(), pairs, collides)
+        def make() -> dict[str, Tensor]:
+            device = self.settings.device
+            positions, normals = self.texlets.positions.to(device), self.texlets.normals.to(device)
+            found = spgf(positions, normals, self.settings.features, self.generator(0))
+            return {"T": found.T_object_feature[found.valid], "rings": found.rings[found.valid]}
 
-    def generator(self, name: str, stream: int) -> torch.Generator:
-        """An object's own random stream: free of the order of objects."""
-        return torch.Generator().manual_seed(zlib.crc32(f"{self.seed}/{stream}/{name}".encode()))
+        kept = self._kept("features", make)
+        return Features(kept["T"], kept["rings"], torch.ones(len(kept["T"]), dtype=torch.bool, device=kept["T"].device))
+
+    @once
+    def pairs(self) -> CellPairs:
+        """Pairs of features and grasps."""
+        grasp_type = self.grasps.grasp_type.to(self.settings.device)
+
+        def make() -> dict[str, Tensor]:
+            T_object_grasp = self.grasps.T_object_tcp.to(self.settings.device)
+            poses = self.features.T_object_feature
+            pairs = cell_pairs(poses, T_object_grasp, grasp_type, self.pairing, self.generator(1))
+            return {"feature": pairs.feature, "grasp": pairs.grasp, "cell": pairs.cell}
+
+        return CellPairs(**self._kept("pairs", make), grasp_type=grasp_type)
+
+    @once
+    def collides(self) -> Tensor:
+        """(G,) bool: the grasps at which a sensed point lies inside the open hand."""
+
+        def make() -> dict[str, Tensor]:
+            device = self.settings.device
+            points, T = self.texlets.positions.to(device), self.grasps.T_object_tcp.to(device)
+            collides = torch.zeros(len(T), dtype=torch.bool, device=device)
+            for code, kind in enumerate(GRASP_TYPES):
+                of_type = self.grasps.grasp_type.to(device) == code
+                collides[of_type] = sensed_collision(points, T[of_type], self.settings.volumes[kind])
+            return {"collides": collides}
+
+        return self._kept("collisions", make)["collides"]
+
+    def sense_if_needed(self) -> None:
+        """Sense the object unless all that follows from the texlets is in the cache."""
+        if not all(self.settings.cache.holds(kind, self.keys[kind]) for kind in ("features", "collisions")):
+            self.texlets  # noqa: B018
+
+    def described(self) -> Described:
+        """The object as the learner sees it."""
+        return Described(self.features.relations(), self.pairs, self.collides)
+
+    def generator(self, stream: int) -> torch.Generator:
+        """The object's own random stream: free of the order of objects."""
+        name = f"{self.settings.seed}/{stream}/{self.obj.name}"
+        return torch.Generator().manual_seed(zlib.crc32(name.encode()))
+
+    def _kept(self, kind: str, make: Callable[[], dict[str, Tensor]]) -> dict[str, Tensor]:
+        """The tensors of a step on the settings' device, but for texlets, which are on the CPU."""
+
+        def noted() -> dict[str, Tensor]:
+            self.made.add(kind)
+            return make()
+
+        tensors = self.settings.cache.tensors(kind, self.keys[kind], noted)
+        device = "cpu" if kind == "texlets" else self.settings.device
+        return {name: tensor.to(device) for name, tensor in tensors.items()}
+
+
+def _key(compute: Callable[..., Any], *parts: Any) -> str:
+    """The key of what the function `compute` of another room makes of `parts`."""
+    return fingerprint(program(compute.__module__), Path(__file__).read_bytes(), GRASP_TYPES, *parts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from spgf_torch.affordance.model import GraspModel
+from spgf_torch.cache import Cache
 from spgf_torch.config import (
     AffordanceConfig,
     EvaluateConfig,
@@ -29,5 +30,6 @@ def restore(model: GraspModel, config: EvaluateConfig, stages: Stages) -> tuple[
     affordance = typed(AffordanceConfig, model.settings["affordance"])
     features = typed(FeatureConfig, model.settings["features"])
     volumes = open_hand(config.hand)
-    describe = Description(config.sensing, features, affordance, volumes, config.seed, config.device)
+    cache = Cache.open(config.cache, config.cache_gb)
+    describe = Description(config.sensing, features, affordance, volumes, config.seed, config.device, cache)
     return describe, Learner(typed(PrototypeConfig, model.settings["prototypes"]), affordance, config.seed, stages)
