@@ -1,0 +1,200 @@
+"""Every candidate grasp with its scores (`predictions.parquet`), and the curves that follow from them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from spgf_torch.config import CLASSES, GRASP_TYPES, InputError
+from spgf_torch.evaluation.success import TYPES, of_type
+
+NESTED = "nested"
+POSE = ("px", "py", "pz", "qw", "qx", "qy", "qz")
+_COLUMNS = ("object", "class", "fold", "type", "success", "collides", "votes", "probability_before", "probability")
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """The G candidate grasps of one object.
+
+    Attributes:
+        success, collides (G,) bool; grasp_type (G,) int: index into `config.GRASP_TYPES`; votes (G,) int.
+        scores: ranking -> (G,) f32, -inf without votes.
+        probability_before, probability (G,) f32: learned, and calibrated; NaN or any value without votes.
+        pose (G, 7) f32: T_object_tcp as x y z (m) and qw qx qy qz.
+    """
+
+    name: str
+    category: str
+    fold: int
+    grasp_type: np.ndarray
+    success: np.ndarray
+    collides: np.ndarray
+    votes: np.ndarray
+    scores: dict[str, np.ndarray]
+    probability_before: np.ndarray
+    probability: np.ndarray
+    pose: np.ndarray
+
+    @cached_property
+    def T_object_tcp(self) -> np.ndarray:  # noqa: N802
+        """(G, 4, 4) float64."""
+        T = np.tile(np.eye(4), (len(self.pose), 1, 1))
+        T[:, :3, :3], T[:, :3, 3] = rotations(self.pose[:, 3:]), self.pose[:, :3]
+        return T
+
+    def ranked(self, ranking: str, chosen: Mapping[int, str], kind: str, n: int) -> np.ndarray:
+        """Indices of the n highest-ranked grasps of a type (CG: both), best first; ties go to the earlier grasp.
+
+        `nested` is the ranking that was chosen for the object's fold.
+        """
+        score = self.scores[chosen[self.fold] if ranking == NESTED else ranking]
+        among = np.flatnonzero(of_type(self.grasp_type, kind))
+        return among[np.argsort(-score[among], kind="stable")[:n]]
+
+
+@dataclass(frozen=True)
+class Reliability:
+    """How often grasps of a predicted probability succeed, in bins of equal width; NaN in empty bins.
+
+    Attributes:
+        predicted, observed (bins,) mean probability and share of successes; count (bins,) int.
+    """
+
+    predicted: np.ndarray
+    observed: np.ndarray
+    count: np.ndarray
+
+
+def read_predictions(folder: Path) -> list[Candidates]:
+    """The candidates of each object of a run. Raises InputError where the file is missing, damaged or not ours."""
+    path = folder / "predictions.parquet"
+    if not path.is_file():
+        raise InputError(f"{path}: expected the predictions of a run, got no such file")
+    try:
+        table = pq.read_table(path)
+    except (pa.ArrowException, OSError) as error:
+        raise InputError(f"{path}: expected a Parquet file, got {str(error).splitlines()[0][:100]}") from None
+    try:
+        return _by_object({name: _array(table[name]) for name in table.column_names})
+    except (KeyError, ValueError, TypeError) as error:
+        raise InputError(f"{path}: expected the columns of predictions, got others ({error})") from None
+
+
+def precision_at(objects: Sequence[Candidates], ranking: str, chosen: Mapping[int, str], most: int) -> np.ndarray:
+    """(objects, types, most) float: the share of successes among the N highest-ranked grasps, N = 1 .. most.
+
+    Types are NPG, WPG, CG. Of fewer than N grasps the share is that of all of them.
+    """
+    rates = np.zeros((len(objects), len(TYPES), most))
+    for i, candidates in enumerate(objects):
+        for j, kind in enumerate(TYPES):
+            held = candidates.success[candidates.ranked(ranking, chosen, kind, most)]
+            running = np.cumsum(held) / np.arange(1, len(held) + 1)
+            rates[i, j, : len(held)] = running
+            rates[i, j, len(held) :] = running[-1] if len(held) else 0.0
+    return rates
+
+
+def ceilings_at(objects: Sequence[Candidates], most: int) -> np.ndarray:
+    """(objects, types, most) float: what the best N by outcome would give."""
+    held = [[c.success[of_type(c.grasp_type, kind)].sum() for kind in TYPES] for c in objects]
+    n = np.arange(1, most + 1)
+    return np.minimum(np.asarray(held)[..., None], n) / n
+
+
+def class_curves(
+    categories: Sequence[str], values: np.ndarray, resamples: int, seed: int
+) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Class (and "all") -> mean, lower and upper bound of `values` (objects, ...) over the class's objects.
+
+    The bounds are 95 % percentiles over objects drawn with replacement within their class, as in the table.
+    """
+    rng, labels = np.random.default_rng(seed), np.asarray(categories)
+    flat = values.reshape(len(values), -1)
+    counts = np.zeros((resamples, len(labels)))  # how often each object was drawn
+    for name in dict.fromkeys(categories):
+        members = np.flatnonzero(labels == name)
+        counts[:, members] = rng.multinomial(len(members), np.full(len(members), 1 / len(members)), size=resamples)
+    curves = {}
+    for name in [*(c for c in CLASSES if c in categories), "all"]:
+        members = np.arange(len(labels)) if name == "all" else np.flatnonzero(labels == name)
+        low, high = np.quantile(counts[:, members] @ flat[members] / len(members), (0.025, 0.975), axis=0)
+        shape = values.shape[1:]
+        curves[name] = (values[members].mean(axis=0), low.reshape(shape), high.reshape(shape))
+    return curves
+
+
+def reliability(probability: np.ndarray, success: np.ndarray, bins: int) -> Reliability:
+    """Bins of equal width over [0, 1] of the grasps whose probability (G,) is known, against success (G,) bool."""
+    known = np.isfinite(probability)
+    p, held = probability[known].astype(np.float64), success[known].astype(np.float64)
+    which = np.clip((p * bins).astype(np.int64), 0, bins - 1)
+    count = np.bincount(which, minlength=bins)
+    with np.errstate(invalid="ignore"):
+        predicted, observed = (np.bincount(which, values, bins) / np.where(count, count, np.nan) for values in (p, held))
+    return Reliability(predicted, observed, count)
+
+
+def with_votes(objects: Sequence[Candidates], kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Probability before and after calibration, and success, of all objects' grasps of a type that had a vote."""
+    chosen = [of_type(c.grasp_type, kind) & (c.votes > 0) for c in objects]
+    before, after, held = (
+        np.concatenate([getattr(c, name)[mask] for c, mask in zip(objects, chosen, strict=True)])
+        for name in ("probability_before", "probability", "success")
+    )
+    return before, after, held
+
+
+def rotations(wxyz: np.ndarray) -> np.ndarray:
+    """(G, 3, 3) rotation matrices of quaternions (G, 4) wxyz of any length but zero."""
+    w, x, y, z = (wxyz / np.linalg.norm(wxyz, axis=1, keepdims=True)).T.astype(np.float64)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def _array(column: pa.ChunkedArray) -> np.ndarray:
+    if pa.types.is_dictionary(column.type):
+        column = column.cast(column.type.value_type)
+    return column.to_numpy()
+
+
+def _by_object(columns: Mapping[str, np.ndarray]) -> list[Candidates]:
+    if missing := [name for name in (*_COLUMNS, *POSE) if name not in columns]:
+        raise ValueError(f"missing {', '.join(missing)}")
+    names = columns["object"]
+    starts = np.flatnonzero(np.r_[True, names[1:] != names[:-1]]) if len(names) else np.zeros(0, dtype=int)
+    if not len(names):
+        raise ValueError("no row")
+    return [_candidates(columns, slice(a, b)) for a, b in zip(starts, [*starts[1:], len(names)], strict=True)]
+
+
+def _candidates(columns: Mapping[str, np.ndarray], rows: slice) -> Candidates:
+    grasp_type = np.full(rows.stop - rows.start, -1)
+    for code, kind in enumerate(GRASP_TYPES):
+        grasp_type[columns["type"][rows] == kind] = code
+    if (grasp_type < 0).any():
+        raise ValueError("unknown grasp type")
+    return Candidates(
+        name=str(columns["object"][rows.start]),
+        category=str(columns["class"][rows.start]),
+        fold=int(columns["fold"][rows.start]),
+        grasp_type=grasp_type,
+        success=columns["success"][rows].astype(bool),
+        collides=columns["collides"][rows].astype(bool),
+        votes=columns["votes"][rows],
+        scores={name[6:]: values[rows] for name, values in columns.items() if name.startswith("score_")},
+        probability_before=columns["probability_before"][rows],
+        probability=columns["probability"][rows],
+        pose=np.column_stack([columns[name][rows] for name in POSE]),
+    )

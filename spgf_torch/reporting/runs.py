@@ -1,0 +1,215 @@
+"""Runs of `train` as their folders tell them: typed records, and a line about every run that cannot be used."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from spgf_torch.config import CLASSES, InputError, find
+from spgf_torch.evaluation.results import read_results
+from spgf_torch.evaluation.success import TYPES, Rates
+
+Block = dict[str, Rates]  # class (and "all") -> type -> rate
+Bounds = dict[str, dict[str, tuple[float, float]]]  # class -> type -> (low, high)
+Tell = Callable[[str], None]  # takes a line for the person who asked for the report
+
+_STAMP = re.compile(r"\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(\.\d+)?(_\d+)?")
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one run left.
+
+    Attributes:
+        stamp: when it was started, as text that sorts by time.
+        settings: its `config.yaml`.
+        dataset: digest over its objects and trials; None of runs that are too old to say.
+        by_ranking, interval95: ranking -> rates as fractions, and their 95 % intervals.
+        chosen: fold -> the ranking that nested cross-validation chose there; empty of older runs.
+        calibration: grasp type -> Brier score and expected calibration error, before and after; empty of older runs.
+    """
+
+    folder: Path
+    stamp: str
+    settings: dict[str, Any]
+    K: int
+    N: int
+    seed: int
+    dataset: str | None
+    by_ranking: dict[str, Block]
+    interval95: dict[str, Bounds]
+    random: Block
+    random_collision_free: Block
+    ceiling: Block
+    chosen: dict[int, str]
+    calibration: dict[str, dict[str, float]]
+
+    @property
+    def has_model(self) -> bool:
+        return (self.folder / "model.safetensors").is_file()
+
+
+@dataclass(frozen=True)
+class ObjectRow:
+    """One object of `per_object.csv`: its class, fold, and ranking -> rates."""
+
+    name: str
+    category: str
+    fold: int
+    rates: dict[str, Rates]
+
+
+def load_runs(runs: Any, tell: Tell) -> list[Run]:
+    """The runs in a run folder, a folder of runs, or a list of either; oldest first.
+
+    Every run that is interrupted or damaged, or made from other data than the newest one, is told in a line and left
+    out. Raises InputError where a folder does not exist or holds no run, or where nothing is left.
+    """
+    folders = list(dict.fromkeys(folder for given in _listed(runs) for folder in _run_folders(given)))
+    loaded = []
+    for folder in folders:
+        try:
+            loaded.append(read_run(folder))
+        except InputError as error:
+            tell(f"left out: {error}")
+    if not loaded:
+        raise InputError(f"runs: expected at least one finished run of train, got none in {_words(runs)}")
+    loaded.sort(key=lambda run: run.stamp)
+    return _of_one_dataset(loaded, tell)
+
+
+def read_run(folder: Path) -> Run:
+    """One run. Raises InputError where it was interrupted or a file of it is damaged."""
+    if not (folder / "results.json").is_file():
+        raise InputError(f"{folder}: expected results.json, got an interrupted run")
+    results, settings = read_results(folder / "results.json"), _settings(folder / "config.yaml")
+    try:
+        return Run(
+            folder=folder,
+            stamp=_stamp(folder),
+            settings=settings,
+            K=int(results["K"]),
+            N=int(results["N"]),
+            seed=int(results["seed"]),
+            dataset=results.get("dataset"),
+            by_ranking={name: _block(block) for name, block in results["by_ranking"].items()},
+            interval95={name: _bounds(block) for name, block in results["interval95_by_ranking"].items()},
+            random=_block(results["random"]),
+            random_collision_free=_block(results["random_collision_free"]),
+            ceiling=_block(results["ceiling"]),
+            chosen={int(fold): str(name) for fold, name in results.get("chosen", {}).items()},
+            calibration={kind: _numbers(values) for kind, values in results.get("calibration", {}).items()},
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{folder / 'results.json'}: expected the results of train, got {_told(error)}") from None
+
+
+def read_per_object(run: Run) -> list[ObjectRow]:
+    """The objects of a run. Raises InputError where `per_object.csv` is missing or damaged."""
+    path = run.folder / "per_object.csv"
+    if not path.is_file():
+        raise InputError(f"{path}: expected the rates of each object, got no such file")
+    try:
+        with path.open(newline="") as file:
+            rows = [_object_row(row, run.by_ranking) for row in csv.DictReader(file)]
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
+        raise InputError(f"{path}: expected the rates of each object, got {_told(error)}") from None
+    if not rows:
+        raise InputError(f"{path}: expected the rates of each object, got no row")
+    return rows
+
+
+def _listed(runs: Any) -> list[Path]:
+    """`runs` as folders that exist."""
+    given = [runs] if isinstance(runs, str) else list(runs) if isinstance(runs, Sequence) else []
+    if not given or not all(isinstance(entry, str) for entry in given):
+        raise InputError(f"runs: expected a folder or a list of folders, got {runs}")
+    for entry in given:
+        if not find(entry).is_dir():
+            raise InputError(f"runs: expected a folder of runs, got {entry}")
+    return [find(entry) for entry in given]
+
+
+def _run_folders(folder: Path) -> Iterator[Path]:
+    """The folder itself if it is a run's, else those in it; the link `latest` is no run of its own."""
+    if _is_run(folder):
+        yield folder.resolve()
+        return
+    found = [entry for entry in sorted(folder.iterdir()) if _is_run(entry) and not entry.is_symlink()]
+    if not found:
+        raise InputError(f"runs: expected a run of train or a folder of runs, got none in {folder}")
+    yield from (entry.resolve() for entry in found)
+
+
+def _is_run(folder: Path) -> bool:
+    return any((folder / name).is_file() for name in ("results.json", "config.yaml"))
+
+
+def _of_one_dataset(runs: list[Run], tell: Tell) -> list[Run]:
+    """The runs with the data and the N of the newest: rates over other objects or trials are not comparable."""
+    newest = runs[-1]
+    kept = [run for run in runs if (run.dataset, run.N) == (newest.dataset, newest.N)]
+    if others := [run.folder.name for run in runs if run not in kept]:
+        tell(
+            f"left out: {', '.join(others)}: other objects, trials or N than the newest run, {newest.folder.name}; "
+            "their rates do not belong in one table"
+        )
+    return kept
+
+
+def _settings(path: Path) -> dict[str, Any]:
+    try:
+        content = yaml.safe_load(path.read_text())
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f"{path}: expected the settings of a run, got {_told(error)}") from None
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: expected the settings of a run, got something else")
+    return content
+
+
+def _stamp(folder: Path) -> str:
+    """The date and time in the folder's name (its own, or of the file where the folder was renamed)."""
+    found = _STAMP.match(folder.name)
+    written = (folder / "results.json").stat().st_mtime
+    return found[0] if found else datetime.fromtimestamp(written).strftime("%Y-%m-%d_%H-%M-%S.%f")
+
+
+def _block(content: Mapping[str, Mapping[str, float]]) -> Block:
+    block = {name: _numbers(content[name]) for name in (*CLASSES, "all") if name in content}
+    if "all" not in block:
+        raise ValueError('rates without "all"')
+    return block
+
+
+def _bounds(content: Mapping[str, Mapping[str, Sequence[float]]]) -> Bounds:
+    return {
+        name: {kind: (float(low), float(high)) for kind, (low, high) in content[name].items()}
+        for name in (*CLASSES, "all")
+        if name in content
+    }
+
+
+def _numbers(content: Mapping[str, float]) -> dict[str, float]:
+    return {key: float(value) for key, value in content.items()}
+
+
+def _object_row(row: Mapping[str, str], rankings: Mapping[str, Block]) -> ObjectRow:
+    rates = {name: {kind: float(row[f"{name}_{kind}"]) for kind in TYPES} for name in rankings}
+    if row["class"] not in CLASSES:
+        raise ValueError(f"class {row['class']}")
+    return ObjectRow(row["object"], row["class"], int(row["fold"]), rates)
+
+
+def _told(error: Exception) -> str:
+    return f"a missing {error}" if isinstance(error, KeyError) else str(error).splitlines()[0][:120]
+
+
+def _words(runs: Any) -> str:
+    return runs if isinstance(runs, str) else ", ".join(runs)
