@@ -18,6 +18,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from spgf_torch.config import InputError, plain, root, typed
+from spgf_torch.multirun import Multirun
 from spgf_torch.progress import console
 
 T = TypeVar("T")
@@ -27,29 +28,42 @@ def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
     """Compose `conf/<command>.yaml` with the command line, check it against `kind`, and call `run(config, folder)`.
 
     `folder` is a fresh `outputs/<command>/<date-time>_<what varies>/`; `outputs/<command>/latest` points at it once
-    `run` has returned. Exit status: 0 done, 2 unusable input (one line, no folder left), 130 interrupted.
+    `run` has returned. With -m there is one folder a job, and a summary at the end; what a job is refused does not
+    stop the others. Exit status: 0 done, 2 unusable input (one line, no folder left), 130 interrupted.
     """
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # let errors reach us: Hydra's own report spans many lines
     OmegaConf.register_new_resolver("slug", slug, replace=True)
+    sys.argv[1:] = sorted(sys.argv[1:], key=_is_override)  # argparse wants all of them together
     refused: list[InputError] = []
+    multirun = Multirun.of(command)
 
     def task(composed: DictConfig) -> None:
+        if HydraConfig.get().mode == RunMode.MULTIRUN:
+            multirun.job(lambda: _in_run_folder(composed, kind, run))
+            return
         try:
             _in_run_folder(composed, kind, run)
         except InputError as error:
-            if HydraConfig.get().mode == RunMode.MULTIRUN:
-                raise  # Hydra reports the job and goes on with the others
-            refused.append(error)  # a single run's error is told below, without Hydra's extra line
+            refused.append(error)  # told below, without Hydra's extra line
 
     try:
-        hydra_main(version_base="1.3", config_path=str(root() / "conf"), config_name=command)(task)()
+        try:
+            hydra_main(version_base="1.3", config_path=str(root() / "conf"), config_name=command)(task)()
+        finally:
+            usable = multirun.summary()
         for error in refused:
             raise error
     except (InputError, HydraException, OmegaConfBaseException) as error:
         fail(command, error)
+    except RuntimeError as error:
+        if "srun" not in str(error):
+            raise
+        fail(command, error)  # submitit's own words where there is no Slurm
     except KeyboardInterrupt:
         console.print(f"{command}: interrupted")
         sys.exit(130)
+    if not usable:
+        sys.exit(2)
 
 
 def fail(command: str, error: Exception) -> None:
@@ -58,6 +72,8 @@ def fail(command: str, error: Exception) -> None:
     told = re.search(r"Could not override '([^']+)'", str(error))
     if told:
         lines = [f"{told[1]}: expected a setting of {command} (see --help), got an unknown key"]
+    if "hydra/launcher/" in str(error):
+        lines.append("(joblib, slurm and submitit_local: pip install 'spgf-torch[sweep]')")
     words = [line for line in lines if line and not line.startswith(("full_key:", "object_type=", "reference_type"))]
     print(f"{command}: {' '.join(words)}", file=sys.stderr)
     sys.exit(2)
@@ -69,7 +85,11 @@ def slug(overrides: str) -> str:
     return ("_" + kept.lstrip("+-.")[:80]) if kept else ""
 
 
-def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path], None]) -> None:
+def _is_override(argument: str) -> bool:
+    return "=" in argument and not argument.startswith("-")
+
+
+def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path], None]) -> Path:
     folder = Path(HydraConfig.get().runtime.output_dir)
     try:
         config = typed(kind, _without_missing_k(composed))
@@ -80,6 +100,7 @@ def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path],
             shutil.rmtree(folder)
         raise
     point_latest(folder)
+    return folder
 
 
 def _without_missing_k(composed: DictConfig) -> dict[str, Any]:

@@ -17,6 +17,15 @@ WIDTH = 120
 
 console = Console(stderr=True, highlight=False, soft_wrap=True)
 
+# What stands before every line of progress where several processes write to one terminal.
+_label = ""
+
+
+def take_turns(label: str) -> None:
+    """This process shares its terminal with others: from now on lines that begin with `label`, no bars."""
+    global _label
+    _label = label
+
 
 class Stages:
     """Stages of a run: a bar with an estimate in a terminal, lines now and then elsewhere.
@@ -44,24 +53,26 @@ class Stages:
             TextColumn("left"),
             TimeRemainingColumn(),
         )
-        done, told = 0, start
+        done, told, bar = 0, start, console.is_terminal and not _label
 
         def advance(steps: int = 1) -> None:
             nonlocal done, told
             done += steps
             progress.advance(task, steps)
             now = time.perf_counter()
-            if not console.is_terminal and now - told > EVERY and done < total:
+            if not bar and now - told > EVERY and done < total:
                 told = now
                 left = (now - start) / done * (total - done)
-                console.print(f"{name:12} {done:6d} of {total} {unit:10} {now - start:6.1f} s, about {left:.0f} s left")
+                console.print(
+                    f"{_label}{name:12} {done:6d} of {total} {unit:10} {now - start:6.1f} s, about {left:.0f} s left"
+                )
 
-        with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        with Progress(*columns, console=console, transient=True, disable=not bar) as progress:
             task = progress.add_task(name, total=total)
             yield advance
         taken = time.perf_counter() - start
         self.seconds[name] = self.seconds.get(name, 0.0) + taken
-        console.print(f"{name:12} {done:6d} {unit:10} done in {taken:6.1f} s{note()}")
+        console.print(f"{_label}{name:12} {done:6d} {unit:10} done in {taken:6.1f} s{note()}")
 
 
 def show(content: Any) -> None:
