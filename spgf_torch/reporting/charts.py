@@ -38,6 +38,7 @@ def success_over_k(runs: Sequence[Run], ranking: str) -> Figure:
     """Fig. 9: a panel a type and class; ours with 95 % band, the paper's lighter, chance dashed, ceiling dotted."""
     runs = [run for run in runs if ranking in run.by_ranking]
     K = [run.K for run in runs]
+    names = [name for name in NAMES if name in runs[-1].by_ranking[ranking]]
     printed = [k for k in paper.SUCCESS_RATE if min(K) <= k <= max(K)] if len(K) > 1 else sorted(paper.SUCCESS_RATE)
 
     def draw(axis: Axes, name: str, kind: str) -> None:
@@ -62,7 +63,7 @@ def success_over_k(runs: Sequence[Run], ranking: str) -> Figure:
         Line2D([], [], color=CHANCE, linestyle=(0, (4, 3)), label="random candidate"),
         Line2D([], [], color=CEILING, linestyle=":", label="ceiling"),
     ]
-    return _grid(draw, "number of prototypes K", legend)
+    return _grid(draw, "number of prototypes K", legend, names)
 
 
 def precision_at_n(curves: Precision, n: int, random: Mapping[str, Mapping[str, float]]) -> Figure:
@@ -96,7 +97,8 @@ def precision_at_n(curves: Precision, n: int, random: Mapping[str, Mapping[str, 
 def reliability_diagram(before: Mapping[str, Reliability], after: Mapping[str, Reliability]) -> Figure:
     """A column a grasp type: observed over predicted success, before and after calibration, and counts below."""
     with mpl.rc_context(LETTERS):
-        figure = Figure(figsize=(7.2, 4.9), layout="constrained")
+        figure = Figure(figsize=(7.6, 5.2))
+        figure.subplots_adjust(0.085, 0.09, 0.985, 0.945, wspace=0.1, hspace=0.1)
         axes = figure.subplots(2, len(GRASP_TYPES), sharex=True, sharey="row", height_ratios=(3, 1), squeeze=False)
         for j, kind in enumerate(GRASP_TYPES):
             upper, lower = axes[0, j], axes[1, j]
@@ -123,7 +125,9 @@ def _reliability(axis: Axes, curve: Reliability, colour: str, label: str) -> Non
     axis.plot(curve.predicted[some], curve.observed[some], color=colour, linewidth=1.5, zorder=2)
     axis.plot(curve.predicted[many], curve.observed[many], "o", color=colour, markersize=5, label=label, zorder=3)
     few = some & ~many
-    axis.plot(curve.predicted[few], curve.observed[few], "o", color=colour, markersize=5, markerfacecolor="white", zorder=3)
+    axis.plot(
+        curve.predicted[few], curve.observed[few], "o", color=colour, markersize=5, markerfacecolor="white", zorder=3
+    )
 
 
 def _ours(words: str) -> list[Line2D]:
@@ -135,11 +139,13 @@ def _ours(words: str) -> list[Line2D]:
 
 
 def _grid(
-    draw: Callable[[Axes, str, str], None], xlabel: str, legend: Sequence[Line2D], names: Sequence[str] = NAMES
+    draw: Callable[[Axes, str, str], None], xlabel: str, legend: Sequence[Line2D], names: Sequence[str]
 ) -> Figure:
     """A row a type, a column a class, percent upwards; `draw(axis, class, type)` fills a panel."""
     with mpl.rc_context(LETTERS):
-        figure = Figure(figsize=(1.1 + 2.05 * len(names), 5.9), layout="constrained")
+        width, height = 0.95 + 2.05 * len(names), 5.9
+        figure = Figure(figsize=(width, height))
+        figure.subplots_adjust(0.8 / width, 0.55 / height, 1 - 0.15 / width, 1 - 0.6 / height, wspace=0.08, hspace=0.1)
         axes = figure.subplots(len(TYPES), len(names), sharex=True, sharey=True, squeeze=False)
         for i, kind in enumerate(TYPES):
             for j, name in enumerate(names):
@@ -148,6 +154,6 @@ def _grid(
                     axes[i, j].set_title(name, fontweight="bold")
             axes[i, 0].set_ylabel(f"{kind}\nsuccess-rate (%)", color=TYPE_COLOURS[kind])
             axes[i, 0].set_ylim(-3, 103)
-        figure.supxlabel(xlabel, fontsize=9)
-        figure.legend(handles=list(legend), loc="outside upper center", ncols=len(legend))
+        figure.supxlabel(xlabel, fontsize=9, y=0.015)
+        figure.legend(handles=list(legend), loc="upper center", ncols=len(legend))
     return figure

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -13,6 +12,7 @@ import pyarrow.parquet as pq
 
 from spgf_torch.config import CLASSES, GRASP_TYPES, InputError
 from spgf_torch.evaluation.success import TYPES, of_type
+from spgf_torch.reporting.runs import Run
 
 NESTED = "nested"
 POSE = ("px", "py", "pz", "qw", "qx", "qy", "qz")
@@ -72,9 +72,12 @@ class Reliability:
     count: np.ndarray
 
 
-def read_predictions(folder: Path) -> list[Candidates]:
-    """The candidates of each object of a run. Raises InputError where the file is missing, damaged or not ours."""
-    path = folder / "predictions.parquet"
+def read_predictions(run: Run, ranking: str) -> list[Candidates]:
+    """The candidates of each object of a run, to be ranked by `ranking`.
+
+    Raises InputError where the file is missing, damaged, not ours or without the scores of the ranking.
+    """
+    path = run.folder / "predictions.parquet"
     if not path.is_file():
         raise InputError(f"{path}: expected the predictions of a run, got no such file")
     try:
@@ -82,9 +85,14 @@ def read_predictions(folder: Path) -> list[Candidates]:
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path}: expected a Parquet file, got {str(error).splitlines()[0][:100]}") from None
     try:
-        return _by_object({name: _array(table[name]) for name in table.column_names})
+        objects = _by_object({name: _array(table[name]) for name in table.column_names})
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(f"{path}: expected the columns of predictions, got others ({error})") from None
+    for candidates in objects:
+        wanted = run.chosen.get(candidates.fold, NESTED) if ranking == NESTED else ranking
+        if wanted not in candidates.scores:
+            raise InputError(f"{path}: expected the scores of the ranking {wanted}, got {', '.join(candidates.scores)}")
+    return objects
 
 
 def precision_at(objects: Sequence[Candidates], ranking: str, chosen: Mapping[int, str], most: int) -> np.ndarray:
@@ -138,7 +146,9 @@ def reliability(probability: np.ndarray, success: np.ndarray, bins: int) -> Reli
     which = np.clip((p * bins).astype(np.int64), 0, bins - 1)
     count = np.bincount(which, minlength=bins)
     with np.errstate(invalid="ignore"):
-        predicted, observed = (np.bincount(which, values, bins) / np.where(count, count, np.nan) for values in (p, held))
+        predicted, observed = (
+            np.bincount(which, values, bins) / np.where(count, count, np.nan) for values in (p, held)
+        )
     return Reliability(predicted, observed, count)
 
 

@@ -91,6 +91,7 @@ def read_run(folder: Path) -> Run:
         raise InputError(f"{folder}: expected results.json, got an interrupted run")
     results, settings = read_results(folder / "results.json"), _settings(folder / "config.yaml")
     try:
+        _check_rates(results)
         return Run(
             folder=folder,
             stamp=_stamp(folder),
@@ -186,6 +187,15 @@ def _block(content: Mapping[str, Mapping[str, float]]) -> Block:
     if "all" not in block:
         raise ValueError('rates without "all"')
     return block
+
+
+def _check_rates(results: Mapping[str, Any]) -> None:
+    """Raises ValueError where a ranking lacks a rate or an interval of a class that occurs."""
+    rates, intervals = results["by_ranking"], results["interval95_by_ranking"]
+    for ranking, block in rates.items():
+        for name, kind in ((name, kind) for name in block for kind in TYPES):
+            if kind not in block[name] or len(intervals.get(ranking, {}).get(name, {}).get(kind, ())) != 2:
+                raise ValueError(f"no {kind} of {name} by the ranking {ranking}")
 
 
 def _bounds(content: Mapping[str, Mapping[str, Sequence[float]]]) -> Bounds:

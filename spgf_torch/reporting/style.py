@@ -32,6 +32,7 @@ LETTERS: dict[str, Any] = {
     "axes.spines.right": False,
     "axes.linewidth": 0.7,
     "axes.grid": True,
+    "axes.axisbelow": True,
     "grid.color": "#e6e6e6",
     "grid.linewidth": 0.6,
     "legend.frameon": False,
@@ -63,7 +64,9 @@ def prototype_colours(names: Sequence[str]) -> list[str]:
     members: Mapping[str, list[int]] = {
         family: [k for k, name in enumerate(names) if family_of(name) == family] for family in FAMILIES
     }
-    return [_shade(name, members[family_of(name)].index(k), len(members[family_of(name)])) for k, name in enumerate(names)]
+    return [
+        _shade(name, members[family_of(name)].index(k), len(members[family_of(name)])) for k, name in enumerate(names)
+    ]
 
 
 def _shade(name: str, i: int, of: int) -> str:

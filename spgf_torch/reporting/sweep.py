@@ -73,7 +73,9 @@ def find_sweep(runs: Sequence[Run]) -> Sweep:
     others = [run for key, group in groups.items() if key != main for run in group.values()]
     # A K that the paper does not have (K = 1) is an ablation, too.
     others += [run for run in swept if run.K not in paper.SUCCESS_RATE and len(swept) > 1]
-    variants = [Variant(run, reference, _differences(run, reference)) for run in others if (reference := _nearest(swept, run))]
+    variants = [
+        Variant(run, reference, _differences(run, reference)) for run in others if (reference := _nearest(swept, run))
+    ]
     return Sweep(swept, tuple(sorted(variants, key=_order)))
 
 
@@ -96,16 +98,16 @@ def _flat(run: Run) -> Settings:
     """Every setting that matters as (dotted key, text), sorted; K is the run's own."""
     entries = dict(_entries(run.settings, ""))
     kept = {
-        key: value
-        for key, value in entries.items()
-        if key.split(".")[0] not in PROCESS and not key.startswith("cache")
+        key: value for key, value in entries.items() if key.split(".")[0] not in PROCESS and not key.startswith("cache")
     }
     return tuple(sorted((kept | {"K": str(run.K), "prototypes.num_clusters": str(run.K)}).items()))
 
 
 def _entries(value: Any, key: str) -> list[tuple[str, str]]:
     if isinstance(value, Mapping):
-        return [entry for name, inner in value.items() for entry in _entries(inner, f"{key}.{name}" if key else str(name))]
+        return [
+            entry for name, inner in value.items() for entry in _entries(inner, f"{key}.{name}" if key else str(name))
+        ]
     return [(key, f"{value:g}" if isinstance(value, float) else str(value))]
 
 

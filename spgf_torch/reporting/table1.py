@@ -91,7 +91,9 @@ def long_csv(groups: Sequence[Group]) -> str:
     for row in (row for group in groups for row in group.rows):
         for name, kind in COLUMNS:
             if (rate := row.rate(name, kind)) is not None:
-                low, high = (f"{bound:.6g}" for bound in row.bound(name, kind) or ()) if row.bound(name, kind) else ("", "")
+                low, high = (
+                    (f"{bound:.6g}" for bound in row.bound(name, kind) or ()) if row.bound(name, kind) else ("", "")
+                )
                 writer.writerow([name, kind, "" if row.K is None else row.K, row.row, f"{rate:.6g}", low, high])
     return text.getvalue()
 
@@ -113,7 +115,9 @@ def latex(groups: Sequence[Group], caption: str) -> str:
         lines += [r"\midrule", rf"\multicolumn{{{1 + len(COLUMNS)}}}{{l}}{{\emph{{{escape(group.heading)}}}}} \\"]
         for row in group.rows:
             rates = (row.rate(*column) for column in COLUMNS)
-            lines.append(" & ".join([escape(row.label), *("--" if r is None else f"{100 * r:.1f}" for r in rates)]) + r" \\")
+            lines.append(
+                " & ".join([escape(row.label), *("--" if r is None else f"{100 * r:.1f}" for r in rates)]) + r" \\"
+            )
             if row.bounds:
                 bounds = (row.bound(*column) for column in COLUMNS)
                 small = (rf"{{\scriptsize {100 * b[0]:.0f}--{100 * b[1]:.0f}}}" if b else "" for b in bounds)
@@ -133,27 +137,39 @@ def page_table(groups: Sequence[Group], best: int | None) -> str:
     kinds = "".join(f"<th{_first(kind)}>{kind}</th>" for _, kind in COLUMNS)
     lines = [f'<table class="rates"><thead><tr><th></th>{classes}</tr><tr><th></th>{kinds}</tr></thead>']
     for group in groups:
-        lines.append(f'<tbody><tr class="group"><th colspan="{1 + len(COLUMNS)}">{html.escape(group.heading)}</th></tr>')
+        lines.append(
+            f'<tbody><tr class="group"><th colspan="{1 + len(COLUMNS)}">{html.escape(group.heading)}</th></tr>'
+        )
         for row in group.rows:
             cells = "".join(f"<td{_first(kind)}>{_page_cell(row, name, kind)}</td>" for name, kind in COLUMNS)
-            marks = " ".join(filter(None, [row.row.split(":")[0], "best" if row.K is not None and row.K == best else ""]))
+            marks = f"{row.row.split(':')[0]} {'best' if row.K and best == row.K else ''}"
             lines.append(f'<tr class="{marks}"><th>{html.escape(row.label)}</th>{cells}</tr>')
         lines.append("</tbody>")
     return "\n".join([*lines, "</table>"])
 
 
 def terminal(groups: Sequence[Group]) -> Table:
-    """The short form: "all" of each type and CG of each class, of the first ranking, and chance."""
-    table = Table(title="Success-rate (%) on novel objects", box=box.SIMPLE_HEAD, caption="(low-high): 95 % interval")
-    short = [*(("all", kind) for kind in TYPES), *((name, "CG") for name in CLASSES)]
+    """The short form, 80 columns wide: CG of each class, and each type over all objects, of the first ranking."""
+    table = Table(
+        title="Success-rate (%) on novel objects",
+        caption="(low-high): 95 % interval over objects",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 0, 0, 1),
+        pad_edge=False,
+    )
+    short = [*((name, "CG") for name in CLASSES), *(("all", kind) for kind in TYPES)]
     table.add_column(groups[0].heading, no_wrap=True)
     for name, kind in short:
         table.add_column(f"{name}\n{kind}", justify="right", no_wrap=True)
-    for i, group in enumerate((groups[0], groups[-1]) if len(groups) > 1 else groups):
-        if i:
-            table.add_section()
+    for group in (groups[0], *groups[1:][-1:]):
         for row in group.rows:
-            table.add_row(row.label, *(_cell(row, *column) for column in short))
+            rates = (_cell(row, *column) for column in short)
+            last = row is group.rows[-1]
+            cells = [
+                cell if column == short[-1] else cell.split()[0] for cell, column in zip(rates, short, strict=True)
+            ]
+            table.add_row(row.label, *cells, end_section=last)
     return table
 
 
@@ -186,8 +202,8 @@ def _cell(row: Row, name: str, kind: str) -> str:
 def _page_cell(row: Row, name: str, kind: str) -> str:
     rate, bound = row.rate(name, kind), row.bound(name, kind)
     if rate is None:
-        return "–"
-    small = f"<small>{100 * bound[0]:.0f}–{100 * bound[1]:.0f}</small>" if bound else ""
+        return "-"
+    small = f"<small>{100 * bound[0]:.0f}-{100 * bound[1]:.0f}</small>" if bound else ""
     return f"{100 * rate:.1f}{small}"
 
 

@@ -1,0 +1,152 @@
+"""The whole report: read the runs, make its parts, write its files."""
+
+from __future__ import annotations
+
+import html
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from spgf_torch.affordance.model import load_model
+from spgf_torch.config import GRASP_TYPES, InputError, ReportConfig, find
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.objects.library import load_objects
+from spgf_torch.progress import Stages
+from spgf_torch.reporting.context import Context, Part, choose
+from spgf_torch.reporting.grasp_parts import precision_part, reliability_part, worst_part
+from spgf_torch.reporting.model_parts import Prototypes, describe, grasps_part, objects_part, prototypes_part
+from spgf_torch.reporting.page import Section, page
+from spgf_torch.reporting.predictions import Candidates, read_predictions
+from spgf_torch.reporting.rate_parts import ablation_part, choice_part, headline, over_k, table_part
+from spgf_torch.reporting.runs import Tell, load_runs
+from spgf_torch.reporting.sweep import find_sweep
+from spgf_torch.reporting.table1 import Group, table1
+
+T = TypeVar("T")
+
+TITLE = "Learning successful grasps from local shape: what the runs show"
+
+
+def build(config: ReportConfig, folder: Path, stages: Stages, tell: Tell) -> list[Group]:
+    """Write the report into `folder`; returns Table 1.
+
+    What cannot be used is told in a line each and leaves its figures out. Raises InputError where no run is left.
+    """
+    notes: list[str] = []
+
+    def noted(line: str) -> None:
+        notes.append(line)
+        tell(line)
+
+    with stages.stage("runs", 1) as advance:
+        runs = load_runs(config.runs, noted)
+        context = choose(config, find_sweep(runs), noted)
+        groups = table1(context.sweep.runs, context.rankings, context.shown)
+        advance(1)
+    parts = [*_rates(context, groups, stages), *_grasps_and_model(context, stages)]
+    if ablated := ablation_part(context):
+        parts.append(ablated)
+    for part in parts:
+        for name, content in part.files.items():
+            write_bytes(folder / name, content)
+    sections = [*(part.section for part in parts), _left_out(notes)]
+    lead = (
+        f"<p>Table 1 and Figures 9 to 13 of Thomsen, Kraft, Kr&uuml;ger (2016), made again from {len(runs)} runs.</p>"
+    )
+    write_bytes(folder / "index.html", page(TITLE, lead, sections).encode())
+    return groups
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write to a temporary name, flush to disk, rename: at once or not at all."""
+    part = path.with_name(path.name + ".part")
+    with part.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    part.replace(path)
+
+
+def _rates(context: Context, groups: list[Group], stages: Stages) -> list[Part]:
+    with stages.stage("rates", 4, "parts") as advance:
+        return _made(
+            [
+                lambda: headline(context),
+                lambda: table_part(context, groups),
+                lambda: choice_part(context),
+                lambda: over_k(context),
+            ],
+            advance,
+        )
+
+
+def _grasps_and_model(context: Context, stages: Stages) -> list[Part]:
+    """The parts of the shown run; in place of those whose files cannot be used stands a sentence."""
+    library = _usable(context, lambda: _library(context)) or {}
+    objects = _usable(context, lambda: read_predictions(context.shown, context.ranking))
+    prototypes = _usable(context, lambda: _prototypes(context))
+    steps = [*_model_steps(context, prototypes, library), *_grasp_steps(context, objects, library)]
+    with stages.stage("figures", len(steps), "figures") as advance:
+        return _made(steps, advance)
+
+
+def _model_steps(
+    context: Context, prototypes: Prototypes | None, library: dict[str, GraspObject]
+) -> list[Callable[[], Part]]:
+    if prototypes is None:
+        return [lambda: _missing("fig10", "Figs. 10 to 13", context, "no model that can be read")]
+    known, openings = prototypes, context.shown.settings["hand"]["openings"]
+    steps: list[Callable[[], Part]] = [lambda: prototypes_part(context, known)]
+    if library:
+        steps.append(lambda: objects_part(context, known, library))
+    return [*steps, *(lambda kind=kind: grasps_part(context, known, kind, openings[kind]) for kind in GRASP_TYPES)]  # type: ignore[misc]
+
+
+def _grasp_steps(
+    context: Context, objects: list[Candidates] | None, library: dict[str, GraspObject]
+) -> list[Callable[[], Part]]:
+    if objects is None:
+        return [lambda: _missing("precision", "Single grasps", context, "no predictions that can be read")]
+    known, openings = objects, context.shown.settings["hand"]["openings"]
+    return [
+        lambda: reliability_part(context, known),
+        lambda: precision_part(context, known),
+        lambda: worst_part(context, known, library, openings),
+    ]
+
+
+def _made(steps: Sequence[Callable[[], Part]], advance: Callable[[int], None]) -> list[Part]:
+    parts = []
+    for step in steps:
+        parts.append(step())
+        advance(1)
+    return parts
+
+
+def _library(context: Context) -> dict[str, GraspObject]:
+    return {obj.name: obj for obj in load_objects(find(context.shown.settings["objects"]))}
+
+
+def _prototypes(context: Context) -> Prototypes:
+    model = load_model(context.shown.folder)
+    return describe(model, float(model.settings["features"]["radius"]))
+
+
+def _usable(context: Context, read: Callable[[], T]) -> T | None:
+    """What `read` returns; where that is refused, a line is told and the figures that need it are left out."""
+    try:
+        return read()
+    except InputError as error:
+        context.tell(f"figures left out: {error}")
+        return None
+
+
+def _missing(id: str, title: str, context: Context, words: str) -> Part:
+    text = f"The run shown ({html.escape(context.shown.folder.name)}, K = {context.shown.K}) has {words}."
+    return Part(Section(id, title, f"<p>{text}</p>"))
+
+
+def _left_out(notes: Sequence[str]) -> Section:
+    items = "".join(f"<li>{html.escape(line)}</li>" for line in notes) or "<li>Nothing.</li>"
+    return Section("notes", "Left out", f"<p>What was found in the runs and is not in this report:</p><ul>{items}</ul>")
