@@ -131,11 +131,7 @@ def _reliability(axis: Axes, curve: Reliability, colour: str, label: str) -> Non
 
 
 def _ours(words: str) -> list[Line2D]:
-    return [
-        Line2D([], [], color=TYPE_COLOURS[kind], linewidth=2, label=words if i == 1 else None)
-        for i, kind in enumerate(("NPG", "WPG", "CG"))
-        if i == 1
-    ]
+    return [Line2D([], [], color="#202020", linewidth=2, label=f"{words} (colour of the row)")]
 
 
 def _grid(

@@ -96,10 +96,10 @@ def learned_grasps(model: GraspModel, prototype: int, kind: str, opening: float,
     """
     s = prototype * len(GRASP_TYPES) + GRASP_TYPES.index(kind)
     start, stop = (int(model.condensed.slice_start[i]) for i in (s, s + 1))
-    support = model.condensed.support[start:stop]
-    pool = support.topk(min(POOL, len(support))).indices
+    supported = model.condensed.support[start:stop]
+    pool = supported.topk(min(POOL, len(supported))).indices
     position, quaternion = (t.numpy() for t in model.lattice.centres(model.condensed.cell[start:stop][pool].cpu()))
-    probability, support = (model.condensed.probability[start:stop][pool].numpy(), support[pool].numpy())
+    probability, support = (t[pool].numpy() for t in (model.condensed.probability[start:stop], supported))
     best = np.argsort(-probability, kind="stable")[: max(len(pool) // 8, count // 2)]
     chosen = spread(position[best], quaternion[best], count // 2)
     rest = np.setdiff1d(np.arange(len(pool)), best[chosen])

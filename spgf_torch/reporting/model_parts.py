@@ -54,7 +54,7 @@ def prototypes_part(context: Context, prototypes: Prototypes) -> Part:
     """Fig. 10, and the rule of the names."""
     drawn = png(scenes.prototypes(prototypes.shapes, prototypes.names))
     words = caption(
-        f"Fig. 10: the {len(prototypes.names)} prototypes of K = {context.shown.K}. The centre looks up (black), "
+        f"The {len(prototypes.names)} prototypes of K = {context.shown.K}. The centre looks up (black), "
         "red points in the aligned direction. A cell of a ring lies where its mean elevation alpha1 puts it at the "
         "feature's radius, and its colour is the angle alpha2 between its normal and the centre's: yellow none, "
         "teal a right angle, violet opposite. The bottom layer, of neighbours that face away, is drawn a little "
@@ -99,7 +99,7 @@ def objects_part(context: Context, prototypes: Prototypes, library: Mapping[str,
     ]
     drawn = png(scenes.objects(shown, prototypes.names, prototypes.colours))
     words = caption(
-        f"Fig. 11: objects as {sensing.cameras} depth cameras see them; each texlet has the colour of its nearest "
+        f"Objects as {sensing.cameras} depth cameras see them; each texlet has the colour of its nearest "
         f"prototype (K = {context.shown.K}). A name's family has a hue, its members have shades: grey surface, blue "
         "wall, orange rim, green edge, purple corner. In the view below a click on the legend hides a prototype, a "
         "double click shows it alone."
@@ -116,7 +116,7 @@ def grasps_part(context: Context, prototypes: Prototypes, kind: str, opening: fl
     drawn = png(scenes.grasps(prototypes.shapes, learned, prototypes.names, opening))
     points = sum(found.points for found in learned)
     words = caption(
-        f"Fig. {FIGURE[kind]}: what was learned of the {WORDS[kind]} ({kind}), K = {context.shown.K}. Each "
+        f"What was learned of the {WORDS[kind]} ({kind}), K = {context.shown.K}. Each "
         "prototype (grey) with hands where grasps of this type were tried near it, drawn at half their width: red, "
         f"they failed; green, they held. Of {points:,} learned points the picture shows {context.config.grasps} a "
         "prototype, from its best supported ones: one half spread over the most successful, the other over all."

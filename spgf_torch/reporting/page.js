@@ -1,6 +1,8 @@
 "use strict";
 // Each 3-D view is made when it comes near the window: its item is drawn by plotly.js from the JSON beside it.
-const EYES = { side: [-0.95, -1.45, 0.95], above: [-0.3, -0.6, 2.0], below: [-0.6, -1.0, -1.6] };
+const EYES = { side: [0.75, -1.15, 0.8], above: [0.2, -0.4, 1.55], below: [0.5, -0.8, -1.25] };
+
+function point([x, y, z], factor = 1) { return { x: x * factor, y: y * factor, z: z * factor }; }
 
 function layout(half, eye) {
   const side = () => ({ visible: false, ...(half ? { range: [-half, half] } : {}) });
@@ -9,7 +11,7 @@ function layout(half, eye) {
     legend: { itemsizing: "constant", font: { size: 12 } },
     scene: {
       xaxis: side(), yaxis: side(), zaxis: side(), aspectmode: half ? "cube" : "data",
-      camera: { eye: { x: eye[0], y: eye[1], z: eye[2] } },
+      camera: { eye: point(eye) },
     },
   };
 }
@@ -18,13 +20,19 @@ function start(view) {
   const content = JSON.parse(view.querySelector("script").textContent);
   const plot = view.querySelector(".plot");
   const list = view.querySelector("select");
-  const settings = { displaylogo: false, responsive: true, scrollZoom: false, modeBarButtonsToRemove: ["toImage"] };
+  const settings = { displayModeBar: false, responsive: true, scrollZoom: false };
+  const look = (eye) => Plotly.relayout(plot, { "scene.camera.eye": eye });
   const draw = () => Plotly.react(plot, content.items[list.selectedIndex].traces, layout(content.half, EYES.side), settings);
   const step = (by) => { list.selectedIndex = (list.selectedIndex + by + list.length) % list.length; draw(); };
   list.addEventListener("change", draw);
   for (const button of view.querySelectorAll("button")) {
-    const { step: by, eye } = button.dataset;
-    button.addEventListener("click", () => by ? step(Number(by)) : Plotly.relayout(plot, { "scene.camera.eye": { x: EYES[eye][0], y: EYES[eye][1], z: EYES[eye][2] } }));
+    const { step: by, eye, zoom } = button.dataset;
+    button.addEventListener("click", () => {
+      if (by) return step(Number(by));
+      if (eye) return look(point(EYES[eye]));
+      const now = plot.layout.scene.camera.eye;
+      return look(point([now.x, now.y, now.z], Number(zoom)));
+    });
   }
   draw();
 }

@@ -34,7 +34,7 @@ def page(title: str, lead: str, sections: Sequence[Section]) -> str:
     """The whole document. plotly.js is in it exactly once."""
     from plotly.offline import get_plotlyjs  # half a second to import
 
-    links = " ".join(f'<a href="#{part.id}">{html.escape(part.title)}</a>' for part in sections)
+    links = " ".join(f'<a href="#{part.id}">{html.escape(part.title.split(":")[0])}</a>' for part in sections)
     parts = "\n".join(
         f'<section id="{part.id}"><h2>{html.escape(part.title)}</h2>\n{part.body}\n</section>' for part in sections
     )
@@ -85,7 +85,7 @@ def picture(png: bytes, alt: str) -> str:
     image = Image.open(io.BytesIO(png)).convert("RGB")
     image.thumbnail((WIDTH, 4 * WIDTH))
     out = io.BytesIO()
-    image.save(out, "WEBP", quality=QUALITY)
+    image.save(out, "WEBP", quality=QUALITY, method=2)
     data = base64.b64encode(out.getvalue()).decode()
     return f'<figure><img alt="{html.escape(alt)}" src="data:image/webp;base64,{data}"></figure>'
 
@@ -100,14 +100,18 @@ def png(figure: Figure) -> bytes:
 
 def turning(view: View) -> str:
     """A 3-D view that turns under the mouse, with a list of what it can show."""
-    options = "".join(f"<option>{html.escape(name)}</option>" for name in view.items)
+    options = "".join(
+        f"<option{' selected' if i == view.first else ''}>{html.escape(name)}</option>"
+        for i, name in enumerate(view.items)
+    )
     eyes = "".join(f'<button data-eye="{eye}">{words}</button>' for eye, words in _EYES.items())
     content = json.dumps(view.content(), separators=(",", ":")).replace("</", "<\\/")
     return (
         f'<div class="view"><div class="tools"><label>{view.what} <select>{options}</select></label>'
         f'<button data-step="-1" aria-label="previous">&#9664;</button>'
         f'<button data-step="1" aria-label="next">&#9654;</button>{eyes}'
-        '<span class="hint">drag to turn; hover for words</span></div>'
+        '<button data-zoom="0.8" aria-label="nearer">+</button><button data-zoom="1.25" aria-label="farther">&minus;</button>'
+        '<span class="hint">drag to turn, point at a thing to read about it</span></div>'
         f'<div class="plot"></div><script type="application/json">{content}</script></div>'
     )
 

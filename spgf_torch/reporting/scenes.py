@@ -140,7 +140,7 @@ class Sheet:
 def prototypes(shapes: Sequence[tuple[Ring, Ring]], names: Sequence[str]) -> Figure:
     """Fig. 10: each prototype from above and from below, both layers coloured by the angle to the centre's normal."""
     columns = min(5, len(shapes))
-    sheet = Sheet.of(len(shapes), columns, panel=(2.8, 1.72), foot=0.75)
+    sheet = Sheet.of(len(shapes), columns, panel=(2.0, 1.32), foot=0.62)
     for k, (pair, name) in enumerate(zip(shapes, names, strict=True)):
         pieces = _joined([*map(_ring_pieces, pair), _arrow(0.024)])
         sheet.title(k, name)
@@ -152,7 +152,7 @@ def prototypes(shapes: Sequence[tuple[Ring, Ring]], names: Sequence[str]) -> Fig
 
 def objects(shown: Sequence[Texels], names: Sequence[str], colours: Sequence[str]) -> Figure:
     """Fig. 11: texlets that face the camera, coloured by prototype; the legend names those that occur."""
-    sheet = Sheet.of(len(shown), 3, panel=(2.75, 2.75), right=1.5)
+    sheet = Sheet.of(len(shown), 3, panel=(2.5, 2.5), right=1.45)
     palette = np.array([to_rgb(colour) for colour in colours])
     for i, texels in enumerate(shown):
         sheet.title(i, texels.name.replace("_", " "))
@@ -169,9 +169,9 @@ def grasps(
     shapes: Sequence[tuple[Ring, Ring]], learned: Sequence[Grasps], names: Sequence[str], opening: float
 ) -> Figure:
     """Figs. 12 and 13: each prototype in grey with hands at its learned grasps, red (probability 0) to green (1)."""
-    sheet = Sheet.of(len(shapes), min(5, len(shapes)), panel=(2.2, 2.3), foot=0.75)
+    sheet = Sheet.of(len(shapes), min(5, len(shapes)), panel=(1.8, 1.85), foot=0.62)
     for k, (pair, found, name) in enumerate(zip(shapes, learned, names, strict=True)):
-        sticks = _sticks(found.sticks, success_colours(found.probability), 1.2)
+        sticks = _sticks(found.sticks, success_colours(found.probability), 1.0)
         sheet.title(k, name)
         _paint(sheet, k, _joined([_ring_pieces(pair[0], grey=True), _arrow(0.03), sticks]), ABOVE, GRASP_BOX)
     sheet.bar(SUCCESS_SCALE, 1, f"learned probability of success (hand open {1000 * opening:.0f} mm)")
@@ -180,11 +180,11 @@ def grasps(
 
 def worst(shown: Sequence[Held]) -> Figure:
     """Objects with their highest-ranked grasps: failed ones red, held ones green."""
-    sheet = Sheet.of(len(shown), min(3, len(shown)), panel=(3.0, 3.1), foot=0.4)
+    sheet = Sheet.of(len(shown), min(3, len(shown)), panel=(2.7, 2.8), foot=0.35)
     for i, held in enumerate(shown):
         colours = np.where(held.success[:, None], to_rgb(HELD), to_rgb(FAILED))
         sheet.title(i, held.title)
-        _paint(sheet, i, _joined([_mesh(held.mesh), _sticks(held.sticks, colours, 1.5)]), ABOVE)
+        _paint(sheet, i, _joined([_mesh(held.mesh), _sticks(held.sticks, colours, 1.3)]), ABOVE)
     words = ((FAILED, "failed"), (HELD, "held"))
     with mpl.rc_context(LETTERS):
         lines = [Line2D([], [], color=colour, linewidth=2, label=word) for colour, word in words]
@@ -267,7 +267,7 @@ def _lines(ends: np.ndarray, colours: np.ndarray, width: float) -> Pieces:
 
 def _mesh(mesh: trimesh.Trimesh) -> Pieces:
     """The triangles of a mesh that face the camera, shaded."""
-    fine = mesh.subdivide_to_size(PATCH)
+    fine: trimesh.Trimesh = mesh.subdivide_to_size(PATCH)  # type: ignore[assignment]
     facing = fine.face_normals @ camera(ABOVE)[2] > 0
     corners = fine.triangles[facing]
     shade = 0.72 + 0.28 * np.clip(fine.face_normals[facing] @ LIGHT, 0, 1)
@@ -284,7 +284,7 @@ def _texels(sheet: Sheet, panel: int, texels: Texels, palette: np.ndarray) -> No
     half = 1.06 * float(np.abs(seen[:, :2]).max())
     at = sheet.placed(panel, seen[order, :2], (half, -half, half))
     size = TEXLET / half * sheet.panel[0] / 2 * 72  # points
-    sheet.axis.scatter(*at.T, s=size**2, c=palette[texels.ids[order]], linewidths=0)
+    sheet.axis.scatter(at[:, 0], at[:, 1], s=size**2, c=palette[texels.ids[order]], linewidths=0)
 
 
 def _joined(parts: Sequence[Pieces]) -> Pieces:

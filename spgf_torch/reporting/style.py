@@ -23,7 +23,7 @@ SUCCESS_SCALE = [(0.0, "#c8102e"), (0.5, "#f3b33d"), (1.0, "#0f6b37")]
 # The angle to the centre's normal, 0 to 180 deg: light yellow over teal (90) to dark violet.
 ANGLE_SCALE = [(0.0, "#fde725"), (0.25, "#7ad151"), (0.5, "#1f968b"), (0.75, "#33638d"), (1.0, "#440154")]
 
-LETTERS: dict[str, Any] = {
+LETTERS: Any = {  # matplotlib types its keys by version
     "font.family": "DejaVu Sans",
     "font.size": 9,
     "axes.titlesize": 9.5,

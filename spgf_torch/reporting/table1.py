@@ -131,12 +131,13 @@ def escape(text: str) -> str:
     return "".join(special.get(c, c) for c in text)
 
 
-def page_table(groups: Sequence[Group], best: int | None) -> str:
-    """The table for a page; the rows of K = `best` stand out."""
+def page_table(groups: Sequence[Group]) -> str:
+    """The table for a page; of every ranking the rows of the K with its best CG stand out."""
     classes = "".join(f'<th colspan="{len(TYPES)}" class="first">{name}</th>' for name in NAMES)
     kinds = "".join(f"<th{_first(kind)}>{kind}</th>" for _, kind in COLUMNS)
     lines = [f'<table class="rates"><thead><tr><th></th>{classes}</tr><tr><th></th>{kinds}</tr></thead>']
     for group in groups:
+        best = _best_k(group)
         lines.append(
             f'<tbody><tr class="group"><th colspan="{1 + len(COLUMNS)}">{html.escape(group.heading)}</th></tr>'
         )
@@ -171,6 +172,12 @@ def terminal(groups: Sequence[Group]) -> Table:
             ]
             table.add_row(row.label, *cells, end_section=last)
     return table
+
+
+def _best_k(group: Group) -> int | None:
+    """The K of ours with the highest CG over all objects; of equal ones the smallest."""
+    ours = [(row.rate("all", "CG") or 0.0, -row.K) for row in group.rows if row.K is not None and row.bounds]
+    return -max(ours)[1] if ours else None
 
 
 def _pair(run: Run, ranking: str) -> list[Row]:

@@ -14,6 +14,7 @@ import trimesh
 from matplotlib.colors import to_hex
 
 from spgf_torch.reporting.learned import LAYERS, Grasps, Ring
+from spgf_torch.reporting.names import family_of
 from spgf_torch.reporting.scenes import Held, Texels
 from spgf_torch.reporting.style import (
     ANGLE_SCALE,
@@ -36,13 +37,14 @@ class View:
 
     Attributes:
         what: what an item is, for the label of the list. items: its names. traces: of each item, for plotly.js.
-        half: half the side of the cube that is shown, mm; 0 = what the item needs.
+        half: half the side of the cube that is shown, mm; 0 = what the item needs. first: the item shown at first.
     """
 
     what: str
     items: tuple[str, ...]
     traces: tuple[list[Trace], ...]
     half: float = 0.0
+    first: int = 0
 
     def content(self) -> dict[str, Any]:
         """For JSON."""
@@ -57,7 +59,8 @@ def prototype_view(shapes: Sequence[tuple[Ring, Ring]], names: Sequence[str]) ->
         bands = [_band(ring, layer) for ring, layer in zip(pair, LAYERS, strict=True)]
         gaps = [_lines(ring.gap_lines, "gap", PAPER, 3) for ring in pair if len(ring.gap_lines)]
         traces.append([*bands, *gaps, *_axes(0.024), _scale(ANGLE_SCALE, 180, "angle to<br>normal (deg)")])
-    return View("prototype", tuple(names), tuple(traces), 36)
+    first = next((k for k, name in enumerate(names) if family_of(name) == "rim"), 0)
+    return View("prototype", tuple(names), tuple(traces), 32, first)
 
 
 def grasp_view(shapes: Sequence[tuple[Ring, Ring]], learned: Sequence[Grasps], names: Sequence[str]) -> View:
@@ -66,7 +69,8 @@ def grasp_view(shapes: Sequence[tuple[Ring, Ring]], learned: Sequence[Grasps], n
     for pair, found in zip(shapes, learned, strict=True):
         bar = _scale(SUCCESS_SCALE, 1, "learned<br>probability")
         traces.append([_band(pair[0], "prototype", grey=True), *_axes(0.03), *_hands(found), bar])
-    return View("prototype", tuple(names), tuple(traces), 110)
+    first = max(range(len(learned)), key=lambda k: float(learned[k].probability.mean()) if learned[k].points else -1.0)
+    return View("prototype", tuple(names), tuple(traces), 85, first)
 
 
 def object_view(shown: Sequence[Texels], names: Sequence[str], colours: Sequence[str]) -> View:
