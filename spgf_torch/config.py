@@ -17,6 +17,10 @@ from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 GRASP_TYPES = ("NPG", "WPG")
 CLASSES = ("containers", "boxes", "curved")
+# What a novel object's grasps can be ranked by (affordance/ranking.py).
+RANKINGS = ("paper", "log_odds", "log_odds_free", "calibrated")
+# The one of these that cross-validation inside the training folds chose, in each fold anew.
+NESTED = "nested"
 
 T = TypeVar("T")
 
@@ -204,7 +208,11 @@ class TrainConfig:
     N: int = bounded(1, 1000)
     folds: int = bounded(2, 50)
     seed: int = bounded(0, 2**31 - 1)
-    ranking: str = choice("paper", "log_odds", "log_odds_free")
+    ranking: str = choice(*RANKINGS, NESTED)
+    inner_grasps: int = bounded(10, 1_000_000)
+    trials_per_object: int = bounded(1, 1_000_000)
+    training_objects: int = bounded(2, 1_000_000)
+    final_model: bool = MISSING
     bootstrap: int = bounded(100, 1_000_000)
     objects: str = text()
     trials: str = text()
@@ -246,7 +254,7 @@ class EvaluateConfig:
     N: int = bounded(1, 1000)
     candidates: int = bounded(1, 10_000_000)
     random_trials: int = bounded(1, 1_000_000)
-    ranking: str = choice("paper", "log_odds", "log_odds_free")
+    ranking: str = choice(*RANKINGS)
     bootstrap: int = bounded(100, 1_000_000)
     seed: int = bounded(0, 2**31 - 1)
     workers: int = bounded(0, 1024)
@@ -259,6 +267,23 @@ class EvaluateConfig:
     sampler: SamplerConfig = field(default_factory=SamplerConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
     collision: CollisionConfig = field(default_factory=CollisionConfig)
+
+
+@dataclass
+class ReportConfig:
+    """`python -m spgf_torch.report`: Table 1, figures and a page from runs of train."""
+
+    runs: Any = text()
+    ranking: str = choice("nested", "paper", "log_odds", "log_odds_free", "calibrated")
+    rankings: list[str] = field(default_factory=list)
+    show: int | None = field(default=None)
+    objects: int = bounded(1, 100)
+    worst: int = bounded(1, 100)
+    grasps: int = bounded(2, 1000)
+    precision: int = bounded(1, 10_000)
+    bins: int = bounded(2, 100)
+    bootstrap: int = bounded(100, 1_000_000)
+    seed: int = bounded(0, 2**31 - 1)
 
 
 # Where each room's default values stand, below conf/.

@@ -19,7 +19,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     """Sense the meshes, rank candidate grasps, execute the best of each type; write the rates into `folder`."""
     from spgf_torch.affordance.model import check_device, load_model
     from spgf_torch.evaluation.executed import executed_results
-    from spgf_torch.evaluation.results import write_json
+    from spgf_torch.evaluation.files import write_json
     from spgf_torch.evaluation.tables import executed_table, scans_table
     from spgf_torch.experiment.execution import candidate_grasps, execute_best
     from spgf_torch.experiment.restored import restore
@@ -33,17 +33,17 @@ def run(config: EvaluateConfig, folder: Path) -> None:
         raise InputError(f"objects: expected a folder of meshes, got {config.objects}")
     stages = Stages()
     model = load_model(find(config.model), config.device)
-    describe, learner = restore(model, config, stages)
+    restored = restore(model, config)
     scans = load_scans(find(config.objects), config.unit, config.collision)
     show(scans_table(scans))
 
     objects = [scan.object for scan in scans]
     grasps = [candidate_grasps(obj, config.candidates, config.sampler, config.seed) for obj in objects]
-    described = describe.describe(objects, grasps, stages)
+    described = restored.description.describe(objects, grasps, stages)
     with stages.stage("voting", len(objects), "objects") as advance:
         scores = []
         for obj in described:
-            scores.append(learner.scores(model, obj)[config.ranking].cpu())
+            scores.append(restored.scores(obj)[config.ranking].cpu())
             advance(1)
     each = sum(stages.seconds.values()) / len(objects)
 

@@ -17,15 +17,16 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from spgf_torch.affordance.lattice import Lattice, gaussian_kernel
+from spgf_torch.affordance.calibration import TERMS, Calibration, uncalibrated
+from spgf_torch.affordance.lattice import Kernel, Lattice, gaussian_kernel
 from spgf_torch.affordance.neighbourhood import Condensed, condense
-from spgf_torch.affordance.particles import Particles, pairs_within
+from spgf_torch.affordance.particles import Particles, Points, pairs_within
 from spgf_torch.affordance.voting import Votes, VotingIndex, cast_votes
 from spgf_torch.config import GRASP_TYPES, AffordanceConfig, InputError
 
 FORMAT = "spgf_torch model"
-SCHEMA = 1
-_TENSORS = ("centres", "slice_start", "cell", "probability", "support", "base_rate")
+SCHEMA = 2
+_TENSORS = ("centres", "calibration", "slice_start", "cell", "probability", "support", "base_rate")
 
 
 # What model.json must say.
@@ -49,6 +50,15 @@ class CellPairs:
     cell: Tensor
     grasp_type: Tensor
 
+    def of_grasps(self, chosen: Tensor) -> CellPairs:
+        """The pairs of the grasps `chosen` (C,) int64 alone, which are numbered 0 .. C - 1 from then on."""
+        number = torch.full_like(self.grasp_type, -1, dtype=torch.int32)
+        number[chosen] = torch.arange(len(chosen), dtype=torch.int32, device=number.device)
+        renumbered = number.index_select(0, self.grasp)
+        kept = (renumbered >= 0).nonzero()[:, 0]
+        feature, cell = self.feature.index_select(0, kept), self.cell.index_select(0, kept)
+        return CellPairs(feature, renumbered.index_select(0, kept), cell, self.grasp_type[chosen])
+
 
 @dataclass(frozen=True)
 class GraspModel:
@@ -58,18 +68,25 @@ class GraspModel:
         centres (K, D) f32: the prototypes.
         condensed: condensed shape-grasp particles.
         lattice: the cells that `condensed.cell` counts.
+        calibration: from a grasp's log-odds score to its probability of success.
         settings: the resolved settings of the rooms that made it, as plain values.
     """
 
     centres: Tensor
     condensed: Condensed
     lattice: Lattice
+    calibration: Calibration
     settings: dict[str, Any] = field(default_factory=dict)
 
 
 def lattice_of(config: AffordanceConfig) -> Lattice:
     """The lattice that the settings describe."""
     return Lattice(config.reach, config.voxel, config.rotation_deg)
+
+
+def kernel_of(config: AffordanceConfig, device: str | torch.device) -> Kernel:
+    """The neighbourhood that the settings describe."""
+    return gaussian_kernel(lattice_of(config), config.kernel, config.kernel_deg, device)
 
 
 def cell_pairs(
@@ -95,41 +112,47 @@ def cell_pairs(
 def learn(
     examples: Sequence[tuple[CellPairs, Tensor, Tensor]], centres: Tensor, config: AffordanceConfig
 ) -> GraspModel:
-    """Particles of all training objects, analysed and condensed.
+    """Particles of all training objects, analysed and condensed; not calibrated.
 
     Args:
         examples: of each object its pairs, the prototype ids of its features (F,) int64 and the outcomes of its
             grasps (G,) bool.
         centres: (K, D) f32 prototypes.
     """
-    lattice = lattice_of(config)
-    kernel = gaussian_kernel(lattice, config.kernel, config.kernel_deg, centres.device)
+    lattice, kernel = lattice_of(config), kernel_of(config, centres.device)
     parts = [shape_grasp_particles(pairs, ids, success) for pairs, ids, success in examples]
-    return GraspModel(centres, condense(parts, len(centres), lattice, kernel, config.min_support), lattice)
+    condensed = condense(parts, len(centres), lattice, kernel, config.min_support)
+    return GraspModel(centres, condensed, lattice, uncalibrated(condensed.base_rate))
 
 
 def shape_grasp_particles(pairs: CellPairs, ids: Tensor, success: Tensor) -> Particles:
     """The particles of one object: ids (F,) int64 of its features, success (G,) bool of its grasps."""
-    prototype, grasp_type = ids.index_select(0, pairs.feature), pairs.grasp_type.index_select(0, pairs.grasp)
-    return Particles(prototype, grasp_type, pairs.cell, success.index_select(0, pairs.grasp))
+    points = points_of(pairs, ids)
+    return Particles(points.prototype, points.grasp_type, points.cell, success.index_select(0, pairs.grasp))
 
 
-def vote(model: GraspModel, pairs: CellPairs, ids: Tensor) -> Votes:
+def points_of(pairs: CellPairs, ids: Tensor) -> Points:
+    """Where an object's pairs lie in the shape-grasp space: ids (F,) int64 of its features."""
+    prototype, grasp_type = ids.int().index_select(0, pairs.feature), pairs.grasp_type.int()
+    return Points(prototype, grasp_type.index_select(0, pairs.grasp), pairs.cell)
+
+
+def vote(index: VotingIndex, pairs: CellPairs, ids: Tensor) -> Votes:
     """Votes of an object's features, of prototypes `ids` (F,) int64, on its grasps."""
-    grasp = pairs.grasp.long()
-    index = VotingIndex(model.condensed, model.lattice)
-    return cast_votes(index, ids[pairs.feature.long()], pairs.grasp_type[grasp], grasp, pairs.cell.long())
+    return cast_votes(index, points_of(pairs, ids), pairs.grasp.long())
 
 
-def save_model(model: GraspModel, folder: Path) -> None:
-    """Write `model.safetensors` and `model.json` into `folder`."""
+def save_model(model: GraspModel, folder: Path) -> int:
+    """Write `model.safetensors` and `model.json` into `folder`; returns the bytes of the former."""
     condensed = model.condensed
-    tensors = {"centres": model.centres, **{name: getattr(condensed, name) for name in _TENSORS[1:]}}
+    tensors = {name: getattr(condensed, name) for name in _TENSORS[2:]}
+    tensors |= {"centres": model.centres, "calibration": model.calibration.weights}
     tensors["cell"] = condensed.cell.int()  # half the file
     save_file({name: t.contiguous().cpu() for name, t in tensors.items()}, folder / "model.safetensors")
     lattice = {"reach": model.lattice.reach, "voxel": model.lattice.voxel, "rotation_deg": model.lattice.rotation_deg}
     document = {"format": FORMAT, "schema": SCHEMA, "lattice": lattice, "settings": model.settings}
     (folder / "model.json").write_text(json.dumps(document, indent=1, sort_keys=True) + "\n")
+    return (folder / "model.safetensors").stat().st_size
 
 
 def check_device(name: str) -> None:
@@ -155,8 +178,9 @@ def load_model(folder: Path, device: str = "cpu") -> GraspModel:
         raise InputError(f"{path}: expected the tensors {', '.join(_TENSORS)}; missing {', '.join(missing)}")
     _check_shapes(path, tensors)
     tensors["cell"] = tensors["cell"].long()
-    condensed = Condensed(*(tensors[name] for name in _TENSORS[1:]))
-    return GraspModel(tensors["centres"], condensed, _lattice(document["lattice"]), document["settings"])
+    condensed = Condensed(*(tensors[name] for name in _TENSORS[2:]))
+    calibration = Calibration(tensors["calibration"])
+    return GraspModel(tensors["centres"], condensed, _lattice(document["lattice"]), calibration, document["settings"])
 
 
 def _lattice(section: dict[str, float]) -> Lattice:
@@ -166,8 +190,9 @@ def _lattice(section: dict[str, float]) -> Lattice:
 def _check_shapes(path: Path, tensors: dict[str, Tensor]) -> None:
     """Raises InputError where the tensors do not belong together."""
     slices, points = len(tensors["centres"]) * len(GRASP_TYPES), int(tensors["slice_start"].reshape(-1)[-1:].sum())
-    expected = dict.fromkeys(("cell", "probability", "support"), (points,))
+    expected: dict[str, tuple[int, ...]] = dict.fromkeys(("cell", "probability", "support"), (points,))
     expected |= {"slice_start": (slices + 1,), "base_rate": (len(GRASP_TYPES),)}
+    expected |= {"calibration": (len(GRASP_TYPES), len(TERMS))}
     for name, shape in expected.items():
         if tuple(tensors[name].shape) != shape:
             raise InputError(f"{path}: expected {name} of shape {shape}, got {tuple(tensors[name].shape)}")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
+from spgf_torch.config import GRASP_TYPES
 from spgf_torch.geometry import se3
 
 
@@ -26,19 +28,39 @@ class Pairs:
 
 
 @dataclass(frozen=True)
-class Particles:
-    """Shape-grasp particles {prototype, 6D transform, outcome, type}.
+class Points:
+    """Points of the shape-grasp space.
 
     Attributes:
-        prototype (P,) int64: id of the feature's prototype.
-        grasp_type (P,) int64: index into `config.GRASP_TYPES`.
-        cell (P,) int32 or int64: lattice cell of the transform T_feature_grasp.
-        success (P,) bool: outcome of the simulated grasp.
+        prototype (P,) int32: id of a feature's prototype.
+        grasp_type (P,) int32: index into `config.GRASP_TYPES`.
+        cell (P,) int32: lattice cell of the transform T_feature_grasp.
     """
 
     prototype: Tensor
     grasp_type: Tensor
     cell: Tensor
+
+    @property
+    def slice(self) -> Tensor:
+        """(P,) what points must share to be compared, as one number: prototype * number of types + type."""
+        return self.prototype * len(GRASP_TYPES) + self.grasp_type
+
+    @staticmethod
+    def together(parts: Sequence[Points]) -> Points:
+        """The points of all parts, in order."""
+        names = ("prototype", "grasp_type", "cell")
+        return Points(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
+
+
+@dataclass(frozen=True)
+class Particles(Points):
+    """Shape-grasp particles {prototype, 6D transform, outcome, type}.
+
+    Attributes:
+        success (P,) bool: outcome of the simulated grasp.
+    """
+
     success: Tensor
 
 

@@ -10,20 +10,20 @@ better than usual for its type a grasp is, so that a type that succeeds more oft
 and the mean towards no evidence by `vote_shrinkage` votes.
 
 `log_odds_free`: the same, but grasps that would start in a sensed collision come after all others.
+
+`calibrated`: the calibrated probability of success (`calibration`), which compares the types on one scale.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from spgf_torch.affordance.neighbourhood import Condensed
+from spgf_torch.affordance.calibration import Calibration
 from spgf_torch.affordance.voting import Votes
 from spgf_torch.config import AffordanceConfig
-
-FREE = "log_odds_free"
 
 # Far below any score, yet above no support at all: sensed collisions keep their order among themselves.
 COLLIDING = -1e3
@@ -32,48 +32,58 @@ COLLIDING = -1e3
 UNSUPPORTED = float("-inf")
 
 
-def paper_scores(votes: Votes, condensed: Condensed, grasp_type: Tensor, config: AffordanceConfig) -> Tensor:
-    """(G,) f32 shrunken mean probability of each grasp's votes; UNSUPPORTED without votes."""
-    return _shrunken_mean(condensed.probability[votes.point], votes, len(grasp_type), config)
+@dataclass(frozen=True)
+class Judged:
+    """What the votes say of each grasp before calibration.
 
-
-def log_odds_scores(votes: Votes, condensed: Condensed, grasp_type: Tensor, config: AffordanceConfig) -> Tensor:
-    """(G,) f32 shrunken mean log-odds of each grasp's votes against its type's base rate; UNSUPPORTED without."""
-    base = condensed.base_rate.clamp(1e-4, 1 - 1e-4)[grasp_type[votes.grasp]]
-    support = condensed.support[votes.point]
-    shrunk = (condensed.probability[votes.point] * support + base * config.shrinkage) / (support + config.shrinkage)
-    gain = torch.logit(shrunk, eps=1e-4) - torch.logit(base)
-    return _shrunken_mean(gain, votes, len(grasp_type), config)
-
-
-RANKINGS: dict[str, Callable[[Votes, Condensed, Tensor, AffordanceConfig], Tensor]] = {
-    "paper": paper_scores,
-    "log_odds": log_odds_scores,
-}
-
-
-def all_scores(
-    votes: Votes, condensed: Condensed, grasp_type: Tensor, collides: Tensor, config: AffordanceConfig
-) -> dict[str, Tensor]:
-    """Every ranking's score of each grasp: name -> (G,) f32, higher is better.
-
-    Args:
-        grasp_type (G,) int64, collides (G,) bool: a sensed point lies inside the open hand.
+    Attributes:
+        votes (G,) int64: how many.
+        probability (G,) f32: their mean learned probability; the type's base rate without votes.
+        paper (G,) f32, log_odds (G,) f32: the two rankings' scores; UNSUPPORTED without votes.
+        grasp_type (G,) int64; collides (G,) bool: a sensed point lies inside the open hand.
     """
-    scores = {name: rank(votes, condensed, grasp_type, config) for name, rank in RANKINGS.items()}
-    return {**scores, FREE: scores["log_odds"] + COLLIDING * collides}
+
+    votes: Tensor
+    probability: Tensor
+    paper: Tensor
+    log_odds: Tensor
+    grasp_type: Tensor
+    collides: Tensor
 
 
-def vote_counts(votes: Votes, grasps: int) -> Tensor:
-    """(G,) int64 number of votes of each grasp."""
-    return torch.bincount(votes.grasp, minlength=grasps)
+def judge(votes: Votes, base_rate: Tensor, grasp_type: Tensor, collides: Tensor, config: AffordanceConfig) -> Judged:
+    """Combine the votes on grasps of types (G,), given the base rate (types,) of each type."""
+    count = torch.bincount(votes.grasp, minlength=len(grasp_type))
+    total = _sum_per_grasp(votes.probability, votes, len(grasp_type))
+    gain = _sum_per_grasp(log_odds_gain(votes, base_rate, grasp_type, config), votes, len(grasp_type))
+    drawn = (count + config.vote_shrinkage).clamp(min=1)
+    unsupported = count == 0
+    return Judged(
+        count,
+        torch.where(unsupported, base_rate[grasp_type], total / count.clamp(min=1)),
+        (total / drawn).masked_fill(unsupported, UNSUPPORTED),
+        (gain / drawn).masked_fill(unsupported, UNSUPPORTED),
+        grasp_type,
+        collides,
+    )
 
 
-def _shrunken_mean(values: Tensor, votes: Votes, grasps: int, config: AffordanceConfig) -> Tensor:
-    """(G,) f32 mean of the votes' values together with `vote_shrinkage` votes of 0; UNSUPPORTED without votes."""
-    count = vote_counts(votes, grasps)
-    mean = _sum_per_grasp(values, votes, grasps) / (count + config.vote_shrinkage).clamp(min=1)
-    return mean.masked_fill(count == 0, UNSUPPORTED)
+def log_odds_gain(votes: Votes, base_rate: Tensor, grasp_type: Tensor, config: AffordanceConfig) -> Tensor:
+    """(V,) f32: how much better than the base rate of its grasp's type each vote is, in log-odds."""
+    base = base_rate.clamp(1e-4, 1 - 1e-4)[grasp_type[votes.grasp]]
+    shrunk = (votes.probability * votes.support + base * config.shrinkage) / (votes.support + config.shrinkage)
+    return torch.logit(shrunk, eps=1e-4) - torch.logit(base)
+
+
+def rankings(judged: Judged, calibration: Calibration) -> dict[str, Tensor]:
+    """Every ranking's score of each grasp: name of `config.RANKINGS` -> (G,) f32, higher is better."""
+    calibrated = calibration.probability(judged.log_odds, judged.grasp_type, judged.collides)
+    return {
+        "paper": judged.paper,
+        "log_odds": judged.log_odds,
+        "log_odds_free": judged.log_odds + COLLIDING * judged.collides,
+        "calibrated": calibrated.masked_fill(judged.votes == 0, UNSUPPORTED),
+    }
 
 
 def _sum_per_grasp(values: Tensor, votes: Votes, grasps: int) -> Tensor:

@@ -1,7 +1,8 @@
 """Votes of a novel object's features on its candidate grasps (paper, section 3.4).
 
-Every inferred feature votes, through the condensed particles of its prototype, for the grasps within reach:
-a vote is the condensed point of the cell that holds T_feature_grasp, if there is one.
+Every inferred feature votes, through the shape-grasp particles of its prototype, for the grasps within reach:
+a vote is the learned probability and support at the point of the space that holds T_feature_grasp, if it is
+significant.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.lattice import Lattice
-from spgf_torch.affordance.neighbourhood import Condensed, slice_index
+from spgf_torch.affordance.neighbourhood import Condensed, Counts
+from spgf_torch.affordance.particles import Points
 
 NO_POINT = -1
 
@@ -24,12 +26,13 @@ class Votes:
     Attributes:
         grasp (V,) int64: the candidate voted on.
         prototype (V,) int64: of the feature that votes.
-        point (V,) int64: index of the condensed point.
+        probability (V,) f32, support (V,) f32: learned, at the vote's point.
     """
 
     grasp: Tensor
     prototype: Tensor
-    point: Tensor
+    probability: Tensor
+    support: Tensor
 
 
 class VotingIndex:
@@ -40,7 +43,7 @@ class VotingIndex:
     """
 
     def __init__(self, condensed: Condensed, lattice: Lattice) -> None:
-        self.lattice = lattice
+        self.condensed, self.lattice = condensed, lattice
         self.key = condensed.slice_of_point() * lattice.cells + condensed.cell  # ascending
 
     def find(self, slice_: Tensor, cell: Tensor) -> Tensor:
@@ -52,12 +55,17 @@ class VotingIndex:
         return torch.where(self.key[found] == query, found, NO_POINT)
 
 
-def cast_votes(index: VotingIndex, prototype: Tensor, grasp_type: Tensor, grasp: Tensor, cell: Tensor) -> Votes:
-    """Votes of feature-grasp pairs.
+def cast_votes(index: VotingIndex, points: Points, grasp: Tensor) -> Votes:
+    """Votes at the points (P,) of feature-grasp pairs through a condensed model; grasp (P,) int64 of each pair."""
+    point = index.find(points.slice.long(), points.cell.long())
+    cast = (point != NO_POINT).nonzero()[:, 0]
+    point, condensed = point[cast], index.condensed
+    return Votes(grasp[cast], points.prototype[cast].long(), condensed.probability[point], condensed.support[point])
 
-    Args:
-        prototype (P,), grasp_type (P,), grasp (P,), cell (P,) int64: of each pair.
-    """
-    point = index.find(slice_index(prototype, grasp_type), cell)
-    cast = point != NO_POINT
-    return Votes(grasp[cast], prototype[cast], point[cast])
+
+def counted_votes(counts: Counts, points: Points, grasp: Tensor, min_support: float) -> Votes:
+    """The same votes straight from a neighbourhood analysis at the points, without condensing the space."""
+    cast = ((counts.here > 0) & (counts.particles >= min_support)).nonzero()[:, 0]
+    support = counts.particles[cast]
+    probability = (counts.successes[cast] / support.clamp(min=torch.finfo(support.dtype).tiny)).clamp(max=1)
+    return Votes(grasp[cast].long(), points.prototype[cast].long(), probability, support)

@@ -1,4 +1,4 @@
-"""Folds of a cross-validation over objects, stratified by class (paper, section 4)."""
+"""Folds of a cross-validation over objects, stratified by class (paper, section 4), and stratified subsets."""
 
 from __future__ import annotations
 
@@ -22,3 +22,14 @@ def stratified_folds(classes: Sequence[str], folds: int, seed: int) -> np.ndarra
         fold[members] = (dealt + np.arange(len(members))) % folds
         dealt += len(members)
     return fold
+
+
+def stratified_order(classes: Sequence[str], seed: int) -> np.ndarray:
+    """A random order (objects,) int64 of all objects whose every beginning has nearly the classes' proportions."""
+    rng = np.random.default_rng(seed)
+    labels = np.asarray(classes)
+    place = np.empty(len(labels))
+    for name in sorted(set(classes)):
+        members = rng.permutation(np.flatnonzero(labels == name))
+        place[members] = (np.arange(len(members)) + rng.random()) / len(members)
+    return np.argsort(place, kind="stable")

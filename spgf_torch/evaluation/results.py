@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from spgf_torch.config import CLASSES, GRASP_TYPES, InputError, TrainConfig
+from spgf_torch.evaluation.novel import Novel
+from spgf_torch.evaluation.reliability import brier, reliability
 from spgf_torch.evaluation.success import (
-    TYPES,
     Rates,
     bootstrap_interval,
     ceiling,
@@ -25,25 +23,6 @@ from spgf_torch.evaluation.success import (
 )
 
 SCHEMA = 1
-DIGITS = 6
-
-
-@dataclass(frozen=True)
-class Novel:
-    """One object, predicted on by a model that had not seen it.
-
-    Attributes:
-        scores: ranking -> (G,) float score of each grasp.
-        success (G,) bool, grasp_type (G,) int, collides (G,) bool: a sensed point lies inside the open hand.
-    """
-
-    name: str
-    category: str
-    fold: int
-    scores: Mapping[str, np.ndarray]
-    success: np.ndarray
-    grasp_type: np.ndarray
-    collides: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -67,8 +46,8 @@ def object_rates(novel: Novel, n: int) -> ObjectRates:
     )
 
 
-def build_results(objects: Sequence[Novel], config: TrainConfig, seconds: Mapping[str, float]) -> dict[str, Any]:
-    """The content of `results.json`: rates are fractions, `seconds` are wall times by stage."""
+def build_results(objects: Sequence[Novel], config: TrainConfig, dataset: str) -> dict[str, Any]:
+    """The content of `results.json` but for `seconds`: rates are fractions; `dataset` names objects and trials."""
     classes, rates = [o.category for o in objects], [object_rates(o, config.N) for o in objects]
     rankings = {name: [r.by_ranking[name] for r in rates] for name in objects[0].scores}
     by_ranking = {name: class_means(classes, of_objects) for name, of_objects in rankings.items()}
@@ -91,41 +70,24 @@ def build_results(objects: Sequence[Novel], config: TrainConfig, seconds: Mappin
         "random": random,
         "random_collision_free": class_means(classes, [r.random_collision_free for r in rates]),
         "ceiling": class_means(classes, [r.ceiling for r in rates]),
-        "seconds": dict(seconds),
+        "chosen": {str(o.fold): o.chosen for o in sorted(objects, key=lambda o: o.fold)},
+        "calibration": calibration_block(objects),
+        "dataset": dataset,
     }
 
 
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write JSON with rates rounded to a millionth, at once or not at all."""
-    write_text(path, json.dumps(_rounded(content), indent=1) + "\n")
-
-
-def write_text(path: Path, content: str) -> None:
-    """Write to a temporary name, flush to disk, rename."""
-    part = path.with_name(path.name + ".part")
-    with part.open("w", newline="") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    part.replace(path)
-
-
-def write_per_object(path: Path, objects: Sequence[Novel], n: int) -> None:
-    """`per_object.csv`: a row an object; rates of every ranking and type, chance, ceiling."""
-    rows = []
-    for novel in objects:
-        rates = object_rates(novel, n)
-        row: dict[str, Any] = {"object": novel.name, "class": novel.category, "fold": novel.fold}
-        blocks = {**rates.by_ranking, "random": rates.random}
-        blocks |= {"random_collision_free": rates.random_collision_free, "ceiling": rates.ceiling}
-        for block, values in blocks.items():
-            row |= {f"{block}_{kind}": round(values[kind], DIGITS) for kind in TYPES}
-        rows.append(row)
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_text(path, text.getvalue())
+def calibration_block(objects: Sequence[Novel]) -> dict[str, Rates]:
+    """Brier score and expected calibration error on the grasps of novel objects, before and after calibration."""
+    block = {}
+    for code, kind in enumerate(GRASP_TYPES):
+        chosen = [o.grasp_type == code for o in objects]
+        success, before, after = (
+            np.concatenate([getattr(o, name)[mask] for o, mask in zip(objects, chosen, strict=True)])
+            for name in ("success", "probability_before", "probability")
+        )
+        block[kind] = {"brier_before": brier(before, success), "brier": brier(after, success)}
+        block[kind] |= {"ece_before": reliability(before, success).ece, "ece": reliability(after, success).ece}
+    return block
 
 
 def read_results(path: Path) -> dict[str, Any]:
@@ -140,11 +102,3 @@ def read_results(path: Path) -> dict[str, Any]:
     if schema != SCHEMA or not set(CLASSES) & set(content.get("success_rate", {})):
         raise InputError(f"{path}: expected results of schema {SCHEMA}, got schema {schema}")
     return content
-
-
-def _rounded(value: Any) -> Any:
-    if isinstance(value, float):
-        return round(value, DIGITS)
-    if isinstance(value, Mapping):
-        return {key: _rounded(entry) for key, entry in value.items()}
-    return [_rounded(entry) for entry in value] if isinstance(value, list) else value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 Block = Mapping[str, Mapping[str, float]]
 
 
-def results_table(results: Mapping[str, Any], rankings: Sequence[str] = ("paper", "log_odds")) -> Table:
+def results_table(results: Mapping[str, Any], rankings: Sequence[str] = ("paper", "nested")) -> Table:
     """Table 1 for this K, in percent: the paper's rate, ours by two rankings with 95 % intervals, chance, ceiling.
 
     A row a class and type, so that it fits 80 columns.
@@ -57,11 +58,18 @@ def results_table(results: Mapping[str, Any], rankings: Sequence[str] = ("paper"
     return table
 
 
-def free_line(results: Mapping[str, Any]) -> str:
-    """The ranking that puts sensed collisions last, in a line: CG of each class."""
-    block = results["by_ranking"]["log_odds_free"]
-    rates = ", ".join(f"{name} {_percent(block, name, 'CG')}" for name in block)
-    return f"CG with sensed collisions ranked last (log_odds_free): {rates} %"
+def chosen_line(results: Mapping[str, Any]) -> str:
+    """Which ranking the training folds chose, in a line."""
+    counts = Counter(results["chosen"].values())
+    told = ", ".join(f"{name} in {count} of {len(results['chosen'])} folds" for name, count in counts.most_common())
+    return f"nested: the ranking chosen inside the training folds: {told}"
+
+
+def calibration_line(results: Mapping[str, Any]) -> str:
+    """Expected calibration error of each type, in a line."""
+    blocks = results["calibration"].items()
+    told = ", ".join(f"{kind} {block['ece']:.3f} (as voted {block['ece_before']:.3f})" for kind, block in blocks)
+    return f"expected calibration error of the probabilities: {told}"
 
 
 def random_rates(classes: Sequence[str], success: Sequence[Any], grasp_type: Sequence[Any]) -> Table:

@@ -1,68 +1,95 @@
-"""Cross-validation over objects: prototypes and grasps are learned on the training folds, the others are novel."""
+"""Cross-validation over objects: prototypes and grasps are learned on the training folds, the others are novel.
+
+Inside the training folds a second cross-validation, which holds out one of them at a time, calibrates probabilities
+and chooses among the rankings. Prototypes are shared there: they know shapes, not outcomes.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from pathlib import Path
+from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.affordance.model import GraspModel, learn, vote
-from spgf_torch.affordance.ranking import all_scores
-from spgf_torch.config import AffordanceConfig, PrototypeConfig
+from spgf_torch.affordance.calibration import Calibration, fit_calibration
+from spgf_torch.affordance.ranking import Judged, rankings
+from spgf_torch.config import NESTED, RANKINGS, AffordanceConfig
 from spgf_torch.experiment.describe import Described
-from spgf_torch.progress import Stages
-from spgf_torch.prototypes.kmeans import assign
+from spgf_torch.experiment.execution import best_grasps
+from spgf_torch.experiment.space import Example, TrainedSpace
 
 
-class Learner:
-    """Learns a model from described objects and scores the grasps of novel ones."""
+@dataclass(frozen=True)
+class Predicted:
+    """What a model that had not seen an object said of its grasps.
 
-    def __init__(self, prototypes: PrototypeConfig, affordance: AffordanceConfig, seed: int, stages: Stages) -> None:
-        self.prototypes, self.affordance, self.seed, self.stages = prototypes, affordance, seed, stages
-
-    def learn(self, objects: Sequence[Described], success: Sequence[Tensor], folder: Path | None = None) -> GraspModel:
-        """Prototypes of all features (sections 3.2), then condensed shape-grasp particles (section 3.4).
-
-        With a folder, the fit of the prototypes is checkpointed there and resumed from there.
-        """
-        from spgf_torch.prototypes.module import fit_prototypes  # brings Lightning: seconds to import
-
-        with self.stages.stage("prototypes", len(objects), "objects") as advance:
-            relations = torch.cat([obj.relations for obj in objects])
-            centres = fit_prototypes(relations, self.prototypes, self.seed, folder)
-            advance(len(objects))
-        with self.stages.stage("particles", len(objects), "objects") as advance:
-            examples = [
-                (obj.pairs, assign(obj.relations, centres), held) for obj, held in zip(objects, success, strict=True)
-            ]
-            model = learn(examples, centres, self.affordance)
-            advance(len(objects))
-        return model
-
-    def scores(self, model: GraspModel, obj: Described) -> dict[str, Tensor]:
-        """Every ranking's score (G,) of a novel object's grasps."""
-        votes = vote(model, obj.pairs, assign(obj.relations, model.centres))
-        return all_scores(votes, model.condensed, obj.grasp_type, obj.collides, self.affordance)
-
-
-def cross_validate(
-    learner: Learner, objects: Sequence[Described], success: Sequence[Tensor], fold: np.ndarray
-) -> list[dict[str, Tensor]]:
-    """Scores of every object's grasps by the model that has not seen the object: ranking -> (G,) f32.
-
-    Args:
-        success: of each object (G,) bool.
-        fold: (objects,) int, the fold in which each object is novel.
+    Attributes:
+        judged: votes and their combinations.
+        scores: name of `config.RANKINGS`, or `config.NESTED` -> (G,) f32.
+        probability (G,) f32: calibrated.
+        chosen: the ranking that the training folds chose.
     """
-    result: list[dict[str, Tensor]] = [{} for _ in objects]
-    for test in np.unique(fold):
-        train, novel = np.flatnonzero(fold != test).tolist(), np.flatnonzero(fold == test).tolist()
-        model = learner.learn([objects[i] for i in train], [success[i] for i in train])
-        with learner.stages.stage("voting", len(novel), "objects") as advance:
-            for i in novel:
-                result[i] = learner.scores(model, objects[i])
-                advance(1)
-    return result
+
+    judged: Judged
+    scores: dict[str, Tensor]
+    probability: Tensor
+    chosen: str
+
+
+@dataclass(frozen=True)
+class CrossValidation:
+    """How to learn from training folds, and how to judge the rankings inside them.
+
+    Attributes:
+        inner_grasps: of each training object, calibrate and judge rankings: a random sample, to save time.
+        N: highest-ranked grasps that count. Of the sample the same share counts as N is of all.
+    """
+
+    affordance: AffordanceConfig
+    inner_grasps: int
+    N: int
+    seed: int
+
+    def predict(
+        self, groups: Sequence[Sequence[Example]], centres: Tensor, novel: Sequence[Described]
+    ) -> list[Predicted]:
+        """Learn from the training folds and their prototypes (K, D), and judge the grasps of novel objects."""
+        space = TrainedSpace(groups, centres, self.affordance)
+        calibration, chosen = self.nested(space, groups)
+        return [predicted(judged, calibration, chosen) for judged in space.judge(novel, [None] * len(novel))]
+
+    def nested(self, space: TrainedSpace, groups: Sequence[Sequence[Example]]) -> tuple[Calibration, str]:
+        """Calibration and choice of the ranking on training objects, each group held out from the others."""
+        generator = torch.Generator().manual_seed(self.seed)
+        train, without = [e for group in groups for e in group], [i for i, group in enumerate(groups) for _ in group]
+        sampled = [e.of_grasps(e.sample(self.inner_grasps, generator)) for e in train]
+        judged, success = space.judge([e.described for e in sampled], without), [e.success for e in sampled]
+        calibration = calibrate(judged, success)
+        share = sum(map(len, success)) / sum(len(example.success) for example in train)
+        return calibration, choose(judged, success, calibration, math.ceil(self.N * share))
+
+
+def predicted(judged: Judged, calibration: Calibration, chosen: str) -> Predicted:
+    """Every ranking's scores, and the calibrated probability."""
+    scores = rankings(judged, calibration)
+    probability = calibration.probability(judged.log_odds, judged.grasp_type, judged.collides)
+    return Predicted(judged, {**scores, NESTED: scores[chosen]}, probability, chosen)
+
+
+def calibrate(judged: Sequence[Judged], success: Sequence[Tensor]) -> Calibration:
+    """Calibration on grasps of objects that were held out; success: of each object (G,) bool."""
+    score, grasp_type, collides = (
+        torch.cat([getattr(j, name) for j in judged]) for name in ("log_odds", "grasp_type", "collides")
+    )
+    return fit_calibration(score, grasp_type, collides, torch.cat(list(success)))
+
+
+def choose(judged: Sequence[Judged], success: Sequence[Tensor], calibration: Calibration, n: int) -> str:
+    """The ranking whose n best grasps of both types together succeed most often; the first of equals."""
+    rates = dict.fromkeys(RANKINGS, 0.0)
+    for j, held in zip(judged, success, strict=True):
+        for name, score in rankings(j, calibration).items():
+            rates[name] += float(held[best_grasps(score, j.grasp_type, n)["CG"]].float().mean())
+    return max(rates, key=lambda name: rates[name])

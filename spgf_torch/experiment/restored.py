@@ -2,24 +2,40 @@
 
 from __future__ import annotations
 
-from spgf_torch.affordance.model import GraspModel
+from dataclasses import dataclass
+from functools import cached_property
+
+from torch import Tensor
+
+from spgf_torch.affordance.model import GraspModel, vote
+from spgf_torch.affordance.ranking import judge, rankings
+from spgf_torch.affordance.voting import VotingIndex
 from spgf_torch.cache import Cache
-from spgf_torch.config import (
-    AffordanceConfig,
-    EvaluateConfig,
-    FeatureConfig,
-    InputError,
-    PrototypeConfig,
-    plain,
-    typed,
-)
-from spgf_torch.experiment.cross_validation import Learner
-from spgf_torch.experiment.describe import Description
+from spgf_torch.config import AffordanceConfig, EvaluateConfig, FeatureConfig, InputError, plain, typed
+from spgf_torch.experiment.describe import Described, Description
 from spgf_torch.experiment.tried import open_hand
-from spgf_torch.progress import Stages
+from spgf_torch.prototypes.kmeans import assign
 
 
-def restore(model: GraspModel, config: EvaluateConfig, stages: Stages) -> tuple[Description, Learner]:
+@dataclass(frozen=True)
+class Restored:
+    """A model that describes objects and scores their grasps as it was learned."""
+
+    model: GraspModel
+    description: Description
+
+    @cached_property
+    def index(self) -> VotingIndex:
+        return VotingIndex(self.model.condensed, self.model.lattice)
+
+    def scores(self, obj: Described) -> dict[str, Tensor]:
+        """Every ranking's score (G,) of an object's grasps."""
+        votes = vote(self.index, obj.pairs, assign(obj.relations, self.model.centres))
+        rates, config = self.model.condensed.base_rate, self.description.affordance
+        return rankings(judge(votes, rates, obj.grasp_type, obj.collides, config), self.model.calibration)
+
+
+def restore(model: GraspModel, config: EvaluateConfig) -> Restored:
     """How to describe objects and score grasps as `model` was learned; sensing and hand are the settings' own.
 
     Raises InputError where the model was learned with another hand: its grasps would mean something else.
@@ -29,7 +45,6 @@ def restore(model: GraspModel, config: EvaluateConfig, stages: Stages) -> tuple[
         raise InputError(f"{config.model}: expected a model learned with this hand ({config.hand.name}), got {learned}")
     affordance = typed(AffordanceConfig, model.settings["affordance"])
     features = typed(FeatureConfig, model.settings["features"])
-    volumes = open_hand(config.hand)
-    cache = Cache.open(config.cache, config.cache_gb)
-    describe = Description(config.sensing, features, affordance, volumes, config.seed, config.device, cache)
-    return describe, Learner(typed(PrototypeConfig, model.settings["prototypes"]), affordance, config.seed, stages)
+    volumes, cache = open_hand(config.hand), Cache.open(config.cache, config.cache_gb)
+    description = Description(config.sensing, features, affordance, volumes, config.seed, config.device, cache)
+    return Restored(model, description)

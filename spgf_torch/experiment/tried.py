@@ -12,6 +12,7 @@ from torch import Tensor
 from yaml import YAMLError
 
 from spgf_torch.affordance.sensed_collision import HandVolume, hand_volume
+from spgf_torch.cache import fingerprint
 from spgf_torch.config import HandConfig, InputError, TrainConfig, find
 from spgf_torch.experiment.describe import Grasps
 from spgf_torch.objects.grasp_object import GraspObject
@@ -44,6 +45,12 @@ def tried_grasps(objects: Sequence[GraspObject], config: TrainConfig) -> list[Tr
     trials = Trials(load_hand(config.hand), config.episode)
     expected = [origin(obj, trials, config.sampler, candidates, seed) for obj in objects]
     return [Tried(Grasps(t.T_object_tcp, t.grasp_type), t.success) for t in read_tables(folder, expected)]
+
+
+def dataset_digest(objects: Sequence[GraspObject], tried: Sequence[Tried]) -> str:
+    """Names the objects and their trials: runs on different ones cannot be compared."""
+    parts = [(obj.name, obj.category, obj.digest, t.grasps, t.success) for obj, t in zip(objects, tried, strict=True)]
+    return fingerprint(parts)
 
 
 def open_hand(config: HandConfig) -> dict[str, HandVolume]:

@@ -13,8 +13,9 @@ import pickle
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -116,7 +117,7 @@ def fit_prototypes(
     checkpoint = None if folder is None else folder / CHECKPOINT
     origin = "" if folder is None else _origin(relations, config, seed)
     module = MiniBatchKMeans(relations, config, seed, checkpoint, origin)
-    with _quiet():
+    with _quiet:
         trainer = _trainer(relations.device, config.epochs, progress and sys.stdout.isatty())
         trainer.fit(module, ckpt_path=_resumable(checkpoint, origin), weights_only=True)
     centres = lloyd(relations, module.centres.to(relations.device), config.refine_steps, config.tolerance)
@@ -139,19 +140,35 @@ def _trainer(device: torch.device, epochs: int, progress: bool) -> Trainer:
     )
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Without Lightning's notes on hardware and tips, and without the warnings that are expected."""
-    logger = logging.getLogger("lightning.pytorch")
-    level = logger.level
-    logger.setLevel(logging.WARNING)
-    try:
-        with warnings.catch_warnings():
-            for message in EXPECTED_WARNINGS:
-                warnings.filterwarnings("ignore", message=message)
-            yield
-    finally:
-        logger.setLevel(level)
+class _Quiet:
+    """Without Lightning's notes on hardware and tips, and without the warnings that are expected.
+
+    Filters and log levels belong to the whole process: of fits in several threads the first one to come in sets
+    them, the last one to leave puts them back.
+    """
+
+    def __init__(self) -> None:
+        self.lock, self.inside, self.undo = Lock(), 0, ExitStack()
+
+    def __enter__(self) -> None:
+        with self.lock:
+            self.inside += 1
+            if self.inside == 1:
+                logger = logging.getLogger("lightning.pytorch")
+                self.undo.callback(logger.setLevel, logger.level)
+                logger.setLevel(logging.WARNING)
+                self.undo.enter_context(warnings.catch_warnings())
+                for message in EXPECTED_WARNINGS:
+                    warnings.filterwarnings("ignore", message=message)
+
+    def __exit__(self, *error: object) -> None:
+        with self.lock:
+            self.inside -= 1
+            if self.inside == 0:
+                self.undo.close()
+
+
+_quiet = _Quiet()
 
 
 def _origin(relations: Tensor, config: PrototypeConfig, seed: int) -> str:

@@ -1,0 +1,92 @@
+"""The model card: what a saved model was learned from, how well it did on novel objects, what it is for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from spgf_torch.config import CLASSES, TrainConfig
+from spgf_torch.evaluation.success import TYPES
+
+USE = """\
+Rank candidate two-finger grasps of this hand on household-sized rigid objects that were sensed from several sides:
+`python -m spgf_torch.evaluate objects=FOLDER model=THIS_FOLDER`. A novel object's local shapes vote through the
+prototypes learned here; each vote carries a probability and the number of trials near it."""
+
+LIMITS = """\
+- Success means held in simulation (SAPIEN): rigid bodies, one friction value, no table, no arm, no contact sensing.
+- Learned with this hand, this opening and closing and these cameras; another hand needs trials of its own.
+- Probabilities are calibrated over candidates like those it was tried on. Among other candidates, or where successes
+  are rarer or commoner, they are off.
+- Objects unlike the training objects (thin cloth-like walls, handles thinner than the texlet spacing, transparent
+  surfaces that a depth camera does not see) are outside of what was measured.
+- Not a safety device: check reachability and collisions of the whole robot before moving."""
+
+
+def model_card(results: Mapping[str, Any], config: TrainConfig, objects: int, trials: int, size: int) -> str:
+    """The text of the model folder's README.md.
+
+    Args:
+        results: content of `results.json`.
+        objects, trials: how many it was learned from.
+        size: bytes of `model.safetensors`.
+    """
+    affordance, sensing = config.affordance, config.sensing
+    chosen = ", ".join(f"fold {fold}: `{name}`" for fold, name in results["chosen"].items())
+    return f"""\
+# Grasp model, {config.hand.name}, K = {config.K}
+
+Written by `python -m spgf_torch.train` from the run beside it; every setting is in `config.yaml`.
+
+## Data
+{objects} objects (`{config.objects}`), {trials} simulated trials (`{config.trials}`), dataset
+`{results["dataset"][:16]}`. {sensing.cameras} simulated depth camera(s) at {sensing.distance:g} m with noise, seed
+{config.seed}.
+
+## Settings
+{config.K} prototypes of {config.features.radius:g} m Sliced Pineapple Grid Features; shape-grasp particles within
+{affordance.reach:g} m, neighbourhoods of {affordance.kernel:g} m and {affordance.kernel_deg:g} deg, points with a
+support of at least {affordance.min_support:g}. The model file holds {size / 1e6:.0f} MB.
+
+## Results on novel objects
+{config.folds}-fold cross-validation over objects: success-rate (%) of the {config.N} highest-ranked grasps, with its
+95 % interval over objects, by the ranking that was chosen inside the training folds ({chosen}). CG: both types in one
+ranking. The model in this folder learned from all objects; these rates are of its siblings in the folds.
+
+{_rates(results)}
+
+Probabilities of success (`calibrated`), on the candidates of novel objects:
+
+{_calibration(results)}
+
+## Intended use
+{USE}
+
+## Limits
+{LIMITS}
+"""
+
+
+def _rates(results: Mapping[str, Any]) -> str:
+    """A Markdown table: a row a class; rates with intervals, and chance."""
+    rates, intervals = results["by_ranking"]["nested"], results["interval95_by_ranking"]["nested"]
+    rows = ["| class | " + " | ".join(TYPES) + " | random NPG | random WPG |", "|---|" + "---|" * 5]
+    for name in (name for name in (*CLASSES, "all") if name in rates):
+        cells = [
+            f"{100 * rates[name][kind]:.1f} ({100 * intervals[name][kind][0]:.0f}-{100 * intervals[name][kind][1]:.0f})"
+            for kind in TYPES
+        ]
+        cells += [f"{100 * results['random'][name][kind]:.1f}" for kind in ("NPG", "WPG")]
+        rows.append(f"| {name} | " + " | ".join(cells) + " |")
+    return "\n".join(rows)
+
+
+def _calibration(results: Mapping[str, Any]) -> str:
+    rows = [
+        "| type | Brier score, as voted | calibrated | calibration error, as voted | calibrated |",
+        "|---|" + "---|" * 4,
+    ]
+    for kind, block in results["calibration"].items():
+        values = [block[name] for name in ("brier_before", "brier", "ece_before", "ece")]
+        rows.append(f"| {kind} | " + " | ".join(f"{value:.3f}" for value in values) + " |")
+    return "\n".join(rows)

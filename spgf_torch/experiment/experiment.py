@@ -1,0 +1,119 @@
+"""The experiment of the paper (section 4): predictions on every object as a novel one, and a model of all objects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from spgf_torch.affordance.model import GraspModel
+from spgf_torch.cache import Cache
+from spgf_torch.config import TrainConfig, plain
+from spgf_torch.experiment.cross_validation import CrossValidation, Predicted, calibrate
+from spgf_torch.experiment.learning import PrototypeFit, learn_model, side_by_side
+from spgf_torch.experiment.space import Example
+from spgf_torch.progress import Stages
+
+
+@dataclass(frozen=True)
+class Design:
+    """Which objects teach and which are novel.
+
+    Attributes:
+        fold: (objects,) int, the fold in which each object is novel.
+        order: (objects,) int, the order in which objects are taken where not all may teach.
+        limit: how many objects may teach.
+    """
+
+    fold: np.ndarray
+    order: np.ndarray
+    limit: int
+
+    @property
+    def tests(self) -> list[int]:
+        """The folds, each of which is novel once."""
+        return np.unique(self.fold).tolist()
+
+    def novel(self, test: int) -> list[int]:
+        """Objects of the fold `test`."""
+        return np.flatnonzero(self.fold == test).tolist()
+
+    def training(self, test: int | None) -> list[int]:
+        """Objects that teach what is used on the fold `test` (None: of all folds), in their own order."""
+        allowed = [i for i in self.order.tolist() if self.fold[i] != test]
+        return sorted(allowed[: self.limit])
+
+    def groups(self, test: int) -> list[list[int]]:
+        """The same by fold; a single fold in two halves, so that one can be held out."""
+        train = self.training(test)
+        groups = [[i for i in train if self.fold[i] == f] for f in self.tests]
+        groups = [group for group in groups if group]
+        return groups if len(groups) > 1 else [train[::2], train[1::2]]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Examples, which of them teach what, and how.
+
+    Attributes:
+        examples: of every object, with all its grasps: what is predicted on.
+        teach: of every object, with the grasps that teach.
+    """
+
+    config: TrainConfig
+    design: Design
+    examples: Sequence[Example]
+    teach: Sequence[Example]
+    fit: PrototypeFit
+
+    @staticmethod
+    def of(config: TrainConfig, design: Design, examples: Sequence[Example], cache: Cache) -> Experiment:
+        """The experiment that the settings describe."""
+        generator = torch.Generator().manual_seed(config.seed)
+        teach = [e.of_grasps(e.sample_of_each_type(config.trials_per_object, generator)) for e in examples]
+        prototypes = replace(config.prototypes, num_clusters=config.K)
+        return Experiment(config, design, examples, teach, PrototypeFit(prototypes, config.seed, cache))
+
+    def run(self, stages: Stages) -> tuple[list[Predicted], GraspModel | None]:
+        """Predictions on every object by a model that has not seen it, and the model of all if `final_model`.
+
+        The calibration of that model comes from the predictions on novel objects.
+        """
+        tests: list[int | None] = [*self.design.tests, *([None] if self.config.final_model else [])]
+        with stages.stage("prototypes", len(tests), "sets") as advance:
+            centres = side_by_side(lambda test: self.fit(self.relations(test)), tests, advance)
+        predicted: dict[int, Predicted] = {}
+        models: list[GraspModel] = []
+
+        def work(learned: tuple[int | None, Tensor]) -> None:
+            test, prototypes = learned
+            if test is None:
+                models.append(self.model(prototypes))
+            else:
+                predicted.update(self.predict(test, prototypes))
+
+        with stages.stage("voting", len(tests), "folds and models" if None in tests else "folds") as advance:
+            side_by_side(work, zip(tests, centres, strict=True), advance)
+        each = [predicted[i] for i in range(len(self.examples))]
+        held_out = calibrate([p.judged for p in each], [e.success for e in self.examples])
+        return each, replace(models[0], calibration=held_out) if models else None
+
+    def relations(self, test: int | None) -> Tensor:
+        """(L, D) relations of all features that teach what is used on the fold `test` (None: of all folds)."""
+        return torch.cat([self.teach[i].described.relations for i in self.design.training(test)])
+
+    def predict(self, test: int, centres: Tensor) -> dict[int, Predicted]:
+        """Predictions on the objects of the fold `test`, by their number."""
+        config, novel = self.config, self.design.novel(test)
+        validation = CrossValidation(config.affordance, config.inner_grasps, config.N, config.seed)
+        groups = [[self.teach[i] for i in group] for group in self.design.groups(test)]
+        predicted = validation.predict(groups, centres, [self.examples[i].described for i in novel])
+        return dict(zip(novel, predicted, strict=True))
+
+    def model(self, centres: Tensor) -> GraspModel:
+        """The model of all objects, not yet calibrated."""
+        taught = [self.teach[i] for i in self.design.training(None)]
+        return replace(learn_model(taught, centres, self.config.affordance), settings=plain(self.config))

@@ -1,0 +1,59 @@
+"""Learning prototypes, and a model of all objects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import torch
+from torch import Tensor
+
+from spgf_torch.affordance.model import GraspModel, learn
+from spgf_torch.cache import Cache, fingerprint, program
+from spgf_torch.config import AffordanceConfig, PrototypeConfig
+from spgf_torch.experiment.space import Example
+from spgf_torch.prototypes.kmeans import assign
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+# Folds at work at once, each on one thread: what is between their torch calls runs side by side too.
+THREADS = 2
+
+
+@dataclass(frozen=True)
+class PrototypeFit:
+    """Finds prototypes (paper, section 3.2), and keeps them for later runs where there is a cache."""
+
+    config: PrototypeConfig
+    seed: int
+    cache: Cache
+
+    def __call__(self, relations: Tensor) -> Tensor:
+        """Prototypes (K, D) of relations (L, D), on the same device."""
+        name = "spgf_torch.prototypes.module"
+        key = fingerprint(program(name), relations, self.config, self.seed, relations.device.type)
+        return self.cache.tensors("prototypes", key, lambda: self._fit(relations))["centres"].to(relations.device)
+
+    def _fit(self, relations: Tensor) -> dict[str, Tensor]:
+        from spgf_torch.prototypes.module import fit_prototypes  # brings Lightning: seconds to import
+
+        return {"centres": fit_prototypes(relations, self.config, self.seed)}
+
+
+def learn_model(examples: Sequence[Example], centres: Tensor, config: AffordanceConfig) -> GraspModel:
+    """Condensed shape-grasp particles (section 3.4) of all examples, given prototypes; not calibrated."""
+    parts = [(e.described.pairs, assign(e.described.relations, centres), e.success) for e in examples]
+    return learn(parts, centres, config)
+
+
+def side_by_side(work: Callable[[T], R], items: Iterable[T], advance: Callable[[int], None]) -> list[R]:
+    """`work` of each item, in order, on threads in which torch uses one thread each."""
+    with ThreadPoolExecutor(THREADS, initializer=lambda: torch.set_num_threads(1)) as pool:
+        results = []
+        for result in pool.map(work, items):
+            results.append(result)
+            advance(1)
+        return results
