@@ -6,16 +6,20 @@ from pathlib import Path
 
 from spgf_torch.cli import door
 from spgf_torch.config import ReportConfig
-from spgf_torch.progress import Stages, console
+from spgf_torch.progress import Stages, show
 
 
 def run(config: ReportConfig, folder: Path) -> None:
     """Write tables, pictures and `index.html` into `folder`; show the table."""
-    from spgf_torch.progress import show
-    from spgf_torch.reporting.build import build
+    from spgf_torch.reporting.runs import Notes, load_runs
+
+    notes, stages = Notes(), Stages()
+    runs = load_runs(config.runs, notes)
+
+    from spgf_torch.reporting.build import build  # brings torch and matplotlib: not before there is something to draw
     from spgf_torch.reporting.table1 import terminal
 
-    groups = build(config, folder, Stages(), lambda line: console.print(f"report: {line}", markup=False))
+    groups = build(config, runs, folder, stages, notes)
     show(terminal(groups))
     show(f"the whole report: {folder / 'index.html'}")
 

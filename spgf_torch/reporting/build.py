@@ -19,7 +19,7 @@ from spgf_torch.reporting.model_parts import Prototypes, describe, grasps_part, 
 from spgf_torch.reporting.page import Section, page
 from spgf_torch.reporting.predictions import Candidates, read_predictions
 from spgf_torch.reporting.rate_parts import ablation_part, choice_part, headline, over_k, table_part
-from spgf_torch.reporting.runs import Tell, load_runs
+from spgf_torch.reporting.runs import Notes, Run
 from spgf_torch.reporting.sweep import find_sweep
 from spgf_torch.reporting.table1 import Group, table1
 
@@ -28,29 +28,21 @@ T = TypeVar("T")
 TITLE = "Learning successful grasps from local shape: what the runs show"
 
 
-def build(config: ReportConfig, folder: Path, stages: Stages, tell: Tell) -> list[Group]:
-    """Write the report into `folder`; returns Table 1.
+def build(config: ReportConfig, runs: Sequence[Run], folder: Path, stages: Stages, notes: Notes) -> list[Group]:
+    """Write the report on `runs` (oldest first) into `folder`; returns Table 1.
 
-    What cannot be used is told in a line each and leaves its figures out. Raises InputError where no run is left.
+    What cannot be used is noted in a line each and leaves its figures out. Raises InputError where `show` is no K of
+    the runs, or no run has rates.
     """
-    notes: list[str] = []
-
-    def noted(line: str) -> None:
-        notes.append(line)
-        tell(line)
-
-    with stages.stage("runs", 1) as advance:
-        runs = load_runs(config.runs, noted)
-        context = choose(config, find_sweep(runs), noted)
-        groups = table1(context.sweep.runs, context.rankings, context.shown)
-        advance(1)
+    context = choose(config, find_sweep(runs), notes)
+    groups = table1(context.sweep.runs, context.rankings, context.shown)
     parts = [*_rates(context, groups, stages), *_grasps_and_model(context, stages)]
     if ablated := ablation_part(context):
         parts.append(ablated)
     for part in parts:
         for name, content in part.files.items():
             write_bytes(folder / name, content)
-    sections = [*(part.section for part in parts), _left_out(notes)]
+    sections = [*(part.section for part in parts), _left_out(notes.lines)]
     lead = (
         f"<p>Table 1 and Figures 9 to 13 of Thomsen, Kraft, Kr&uuml;ger (2016), made again from {len(runs)} runs.</p>"
     )

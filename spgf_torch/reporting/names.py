@@ -12,11 +12,10 @@ alpha2: the angle to the centre's normal), in degrees, cell by cell:
 
 Then, the first that holds:
 
-1. rim: a wall that ends. The top ring has a gap and the bottom ring none in half of its cells; or the other side shows
-   in a quarter of the ring, and the ring bends to one side and is not concave.
+1. rim: a wall that ends. The top ring has a gap, and the bottom ring none in half of its cells.
 2. corner: more than 220 of the 360 degrees bend. A straight edge bends at most half of the ring, and the moving
    average widens that by some 20 degrees at each end.
-3. edge: the ring bends to one side.
+3. edge: the ring bends to one side. (A wall that folds is one, too: both of its sides bend.)
 4. wall: the other side shows in a quarter of the ring.
 5. surface: the rest, flat or evenly round.
 
@@ -73,14 +72,13 @@ class RingShape:
     def family(self) -> str:
         """One of `FAMILIES`, by the rule of this module."""
         sided = self.range_deg >= RANGE_DEG
-        thin = self.other_side >= OTHER_SIDE_SHARE
-        if (self.gap > 0 and self.bottom >= BOTTOM_SHARE) or (thin and sided and not self.concave):
+        if self.gap > 0 and self.bottom >= BOTTOM_SHARE:
             return "rim"
         if self.bend > CORNER_SHARE:
             return "corner"
         if sided:
             return "edge"
-        return "wall" if thin else "surface"
+        return "wall" if self.other_side >= OTHER_SIDE_SHARE else "surface"
 
     @property
     def name(self) -> str:

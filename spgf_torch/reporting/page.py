@@ -100,17 +100,16 @@ def png(figure: Figure) -> bytes:
 
 def turning(view: View) -> str:
     """A 3-D view that turns under the mouse, with a list of what it can show."""
-    options = "".join(
-        f"<option{' selected' if i == view.first else ''}>{html.escape(name)}</option>"
-        for i, name in enumerate(view.items)
-    )
+    marks = {view.first: " selected"}
+    options = "".join(f"<option{marks.get(i, '')}>{html.escape(name)}</option>" for i, name in enumerate(view.items))
     eyes = "".join(f'<button data-eye="{eye}">{words}</button>' for eye, words in _EYES.items())
     content = json.dumps(view.content(), separators=(",", ":")).replace("</", "<\\/")
     return (
         f'<div class="view"><div class="tools"><label>{view.what} <select>{options}</select></label>'
         f'<button data-step="-1" aria-label="previous">&#9664;</button>'
         f'<button data-step="1" aria-label="next">&#9654;</button>{eyes}'
-        '<button data-zoom="0.8" aria-label="nearer">+</button><button data-zoom="1.25" aria-label="farther">&minus;</button>'
+        '<button data-zoom="0.8" aria-label="nearer">+</button>'
+        '<button data-zoom="1.25" aria-label="farther">&minus;</button>'
         '<span class="hint">drag to turn, point at a thing to read about it</span></div>'
         f'<div class="plot"></div><script type="application/json">{content}</script></div>'
     )

@@ -67,7 +67,10 @@ def table_part(context: Context, groups: list[Group]) -> Part:
         "reach. Marked is the K with the best CG of a ranking. Files: <code>table1.md</code>, "
         "<code>table1.csv</code>, <code>table1.tex</code>."
     )
-    body = words + f'<div class="wide">{page_table(groups)}</div>'
+    first, others, chance = groups[0], groups[1:-1], groups[-1]
+    body = words + f'<div class="wide">{page_table([first, chance])}</div>'
+    if others:
+        body += f'<details><summary>Other rankings</summary><div class="wide">{page_table(others)}</div></details>'
     files = {
         "table1.md": markdown(groups, title),
         "table1.csv": long_csv(groups),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,24 @@ import yaml
 from spgf_torch.config import CLASSES, InputError, find
 from spgf_torch.evaluation.results import read_results
 from spgf_torch.evaluation.success import TYPES, Rates
+from spgf_torch.progress import console
 
 Block = dict[str, Rates]  # class (and "all") -> type -> rate
 Bounds = dict[str, dict[str, tuple[float, float]]]  # class -> type -> (low, high)
 Tell = Callable[[str], None]  # takes a line for the person who asked for the report
 
 _STAMP = re.compile(r"\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(\.\d+)?(_\d+)?")
+
+
+@dataclass(frozen=True)
+class Notes:
+    """What could not be used, a line each: told at once, and kept for the page."""
+
+    lines: list[str] = field(default_factory=list)
+
+    def __call__(self, line: str) -> None:
+        self.lines.append(line)
+        console.print(f"report: {line}", markup=False)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import trimesh
 from matplotlib.colors import to_hex
 
 from spgf_torch.reporting.learned import LAYERS, Grasps, Ring
-from spgf_torch.reporting.names import family_of
+from spgf_torch.reporting.names import FAMILIES, family_of
 from spgf_torch.reporting.scenes import Held, Texels
 from spgf_torch.reporting.style import (
     ANGLE_SCALE,
@@ -77,7 +77,7 @@ def object_view(shown: Sequence[Texels], names: Sequence[str], colours: Sequence
     """Fig. 11: an object's texlets, a trace a prototype, so that a click on the legend hides one."""
     traces = []
     for texels in shown:
-        found = [int(k) for k in np.unique(texels.ids)]
+        found = sorted(map(int, np.unique(texels.ids)), key=lambda k: (FAMILIES.index(family_of(names[k])), k))
         traces.append([_dots(texels.positions[texels.ids == k], names[k], colours[k]) for k in found])
     return View("object", tuple(t.name.replace("_", " ") for t in shown), tuple(traces))
 
