@@ -281,7 +281,6 @@ class ReportConfig:
     worst: int = bounded(1, 100)
     grasps: int = bounded(2, 1000)
     precision: int = bounded(1, 10_000)
-    bins: int = bounded(2, 100)
     bootstrap: int = bounded(100, 1_000_000)
     seed: int = bounded(0, 2**31 - 1)
 

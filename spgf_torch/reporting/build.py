@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import html
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
 from spgf_torch.affordance.model import load_model
 from spgf_torch.config import GRASP_TYPES, InputError, ReportConfig, find
+from spgf_torch.evaluation.files import write_bytes
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
 from spgf_torch.progress import Stages
@@ -48,16 +48,6 @@ def build(config: ReportConfig, runs: Sequence[Run], folder: Path, stages: Stage
     )
     write_bytes(folder / "index.html", page(TITLE, lead, sections).encode())
     return groups
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write to a temporary name, flush to disk, rename: at once or not at all."""
-    part = path.with_name(path.name + ".part")
-    with part.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    part.replace(path)
 
 
 def _rates(context: Context, groups: list[Group], stages: Stages) -> list[Part]:

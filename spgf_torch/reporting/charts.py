@@ -14,8 +14,8 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from spgf_torch.config import GRASP_TYPES
 from spgf_torch.evaluation import paper
+from spgf_torch.evaluation.reliability import Reliability
 from spgf_torch.evaluation.success import TYPES
-from spgf_torch.reporting.predictions import Reliability
 from spgf_torch.reporting.runs import Run
 from spgf_torch.reporting.style import CEILING, CHANCE, LETTERS, PAPER, TYPE_COLOURS
 from spgf_torch.reporting.table1 import NAMES

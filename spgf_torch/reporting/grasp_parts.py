@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from spgf_torch.config import GRASP_TYPES
+from spgf_torch.evaluation.reliability import BINS, reliability
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.reporting.charts import Precision, precision_at_n, reliability_diagram
 from spgf_torch.reporting.context import Context, Part
@@ -18,8 +19,7 @@ from spgf_torch.reporting.predictions import (
     ceilings_at,
     class_curves,
     precision_at,
-    reliability,
-    with_votes,
+    probabilities,
 )
 from spgf_torch.reporting.scenes import Held, worst
 from spgf_torch.reporting.views import worst_view
@@ -58,10 +58,9 @@ def precision_part(context: Context, objects: Sequence[Candidates]) -> Part:
 
 def reliability_part(context: Context, objects: Sequence[Candidates]) -> Part:
     """Reliability before and after calibration."""
-    known = {kind: with_votes(objects, kind) for kind in GRASP_TYPES}
-    bins = context.config.bins
+    known = {kind: probabilities(objects, kind) for kind in GRASP_TYPES}
     before, after = (
-        {kind: reliability(values[which], values[2], bins) for kind, values in known.items()} for which in (0, 1)
+        {kind: reliability(values[which], values[2]) for kind, values in known.items()} for which in (0, 1)
     )
     figure = reliability_diagram(before, after)
     words = caption(

@@ -26,7 +26,7 @@ class Candidates:
     Attributes:
         success, collides (G,) bool; grasp_type (G,) int: index into `config.GRASP_TYPES`; votes (G,) int.
         scores: ranking -> (G,) f32, -inf without votes.
-        probability_before, probability (G,) f32: learned, and calibrated; NaN or any value without votes.
+        probability_before, probability (G,) f32: learned, and calibrated.
         pose (G, 7) f32: T_object_tcp as x y z (m) and qw qx qy qz.
     """
 
@@ -57,19 +57,6 @@ class Candidates:
         score = self.scores[chosen[self.fold] if ranking == NESTED else ranking]
         among = np.flatnonzero(of_type(self.grasp_type, kind))
         return among[np.argsort(-score[among], kind="stable")[:n]]
-
-
-@dataclass(frozen=True)
-class Reliability:
-    """How often grasps of a predicted probability succeed, in bins of equal width; NaN in empty bins.
-
-    Attributes:
-        predicted, observed (bins,) mean probability and share of successes; count (bins,) int.
-    """
-
-    predicted: np.ndarray
-    observed: np.ndarray
-    count: np.ndarray
 
 
 def read_predictions(run: Run, ranking: str) -> list[Candidates]:
@@ -139,22 +126,9 @@ def class_curves(
     return curves
 
 
-def reliability(probability: np.ndarray, success: np.ndarray, bins: int) -> Reliability:
-    """Bins of equal width over [0, 1] of the grasps whose probability (G,) is known, against success (G,) bool."""
-    known = np.isfinite(probability)
-    p, held = probability[known].astype(np.float64), success[known].astype(np.float64)
-    which = np.clip((p * bins).astype(np.int64), 0, bins - 1)
-    count = np.bincount(which, minlength=bins)
-    with np.errstate(invalid="ignore"):
-        predicted, observed = (
-            np.bincount(which, values, bins) / np.where(count, count, np.nan) for values in (p, held)
-        )
-    return Reliability(predicted, observed, count)
-
-
-def with_votes(objects: Sequence[Candidates], kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Probability before and after calibration, and success, of all objects' grasps of a type that had a vote."""
-    chosen = [of_type(c.grasp_type, kind) & (c.votes > 0) for c in objects]
+def probabilities(objects: Sequence[Candidates], kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Probability before and after calibration, and success, of all objects' grasps of a type: each (G,)."""
+    chosen = [of_type(c.grasp_type, kind) for c in objects]
     before, after, held = (
         np.concatenate([getattr(c, name)[mask] for c, mask in zip(objects, chosen, strict=True)])
         for name in ("probability_before", "probability", "success")
