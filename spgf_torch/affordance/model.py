@@ -20,7 +20,7 @@ from torch import Tensor
 from spgf_torch.affordance.calibration import TERMS, Calibration, uncalibrated
 from spgf_torch.affordance.lattice import Kernel, Lattice, gaussian_kernel
 from spgf_torch.affordance.neighbourhood import Condensed, condense
-from spgf_torch.affordance.particles import Particles, Points, pairs_within
+from spgf_torch.affordance.pairs import CellPairs, lattice_of, points_of, shape_grasp_particles
 from spgf_torch.affordance.voting import Votes, VotingIndex, cast_votes
 from spgf_torch.config import GRASP_TYPES, AffordanceConfig, InputError
 
@@ -34,30 +34,6 @@ _SECTIONS = {
     "lattice": {"reach", "voxel", "rotation_deg"},
     "settings": {"features", "prototypes", "affordance", "hand"},
 }
-
-
-@dataclass(frozen=True)
-class CellPairs:
-    """Feature-grasp pairs of one object, with the lattice cell of each: free of K, so computed once.
-
-    Attributes:
-        feature (P,) int32, grasp (P,) int32, cell (P,) int32.
-        grasp_type (G,) int64 of the object's grasps.
-    """
-
-    feature: Tensor
-    grasp: Tensor
-    cell: Tensor
-    grasp_type: Tensor
-
-    def of_grasps(self, chosen: Tensor) -> CellPairs:
-        """The pairs of the grasps `chosen` (C,) int64 alone, which are numbered 0 .. C - 1 from then on."""
-        number = torch.full_like(self.grasp_type, -1, dtype=torch.int32)
-        number[chosen] = torch.arange(len(chosen), dtype=torch.int32, device=number.device)
-        renumbered = number.index_select(0, self.grasp)
-        kept = (renumbered >= 0).nonzero()[:, 0]
-        feature, cell = self.feature.index_select(0, kept), self.cell.index_select(0, kept)
-        return CellPairs(feature, renumbered.index_select(0, kept), cell, self.grasp_type[chosen])
 
 
 @dataclass(frozen=True)
@@ -79,34 +55,9 @@ class GraspModel:
     settings: dict[str, Any] = field(default_factory=dict)
 
 
-def lattice_of(config: AffordanceConfig) -> Lattice:
-    """The lattice that the settings describe."""
-    return Lattice(config.reach, config.voxel, config.rotation_deg)
-
-
 def kernel_of(config: AffordanceConfig, device: str | torch.device) -> Kernel:
     """The neighbourhood that the settings describe."""
     return gaussian_kernel(lattice_of(config), config.kernel, config.kernel_deg, device)
-
-
-def cell_pairs(
-    T_object_feature: Tensor,
-    T_object_grasp: Tensor,
-    grasp_type: Tensor,
-    config: AffordanceConfig,
-    generator: torch.Generator | None = None,
-) -> CellPairs:
-    """Pairs of an object's features (F, 4, 4) and grasps (G, 4, 4) within reach, and their lattice cells.
-
-    With a generator and more than `features_per_object` features, a random subset of them takes part.
-    """
-    chosen = torch.arange(len(T_object_feature), device=T_object_feature.device)
-    if generator is not None and len(chosen) > config.features_per_object:
-        drawn = torch.randperm(len(chosen), generator=generator)[: config.features_per_object]
-        chosen = drawn.sort().values.to(chosen.device)
-    pairs = pairs_within(T_object_feature[chosen], T_object_grasp, config.reach)
-    cell = lattice_of(config).index(pairs.position, pairs.quaternion)
-    return CellPairs(chosen[pairs.feature].int(), pairs.grasp.int(), cell.int(), grasp_type)
 
 
 def learn(
@@ -123,18 +74,6 @@ def learn(
     parts = [shape_grasp_particles(pairs, ids, success) for pairs, ids, success in examples]
     condensed = condense(parts, len(centres), lattice, kernel, config.min_support)
     return GraspModel(centres, condensed, lattice, uncalibrated(condensed.base_rate))
-
-
-def shape_grasp_particles(pairs: CellPairs, ids: Tensor, success: Tensor) -> Particles:
-    """The particles of one object: ids (F,) int64 of its features, success (G,) bool of its grasps."""
-    points = points_of(pairs, ids)
-    return Particles(points.prototype, points.grasp_type, points.cell, success.index_select(0, pairs.grasp))
-
-
-def points_of(pairs: CellPairs, ids: Tensor) -> Points:
-    """Where an object's pairs lie in the shape-grasp space: ids (F,) int64 of its features."""
-    prototype, grasp_type = ids.int().index_select(0, pairs.feature), pairs.grasp_type.int()
-    return Points(prototype, grasp_type.index_select(0, pairs.grasp), pairs.cell)
 
 
 def vote(index: VotingIndex, pairs: CellPairs, ids: Tensor) -> Votes:

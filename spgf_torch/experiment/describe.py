@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar
 import torch
 from torch import Tensor
 
-from spgf_torch.affordance.model import CellPairs, cell_pairs
+from spgf_torch.affordance.pairs import CellPairs, cell_pairs
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
 from spgf_torch.cache import Cache, fingerprint, program
 from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, SensingConfig

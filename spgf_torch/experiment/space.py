@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from spgf_torch.affordance.model import kernel_of, lattice_of, points_of, shape_grasp_particles
+from spgf_torch.affordance.model import kernel_of
 from spgf_torch.affordance.neighbourhood import Counts, ShapeGraspSpace, analyse, base_rates, outcome_counts
+from spgf_torch.affordance.pairs import lattice_of, points_of, shape_grasp_particles
 from spgf_torch.affordance.particles import Points
 from spgf_torch.affordance.ranking import Judged, judge
 from spgf_torch.affordance.voting import counted_votes

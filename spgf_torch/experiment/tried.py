@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from omegaconf import OmegaConf
@@ -43,7 +43,8 @@ def tried_grasps(objects: Sequence[GraspObject], config: TrainConfig) -> list[Tr
     folder = find(config.trials)
     candidates, seed = _made_with(folder / "config.yaml")
     trials = Trials(load_hand(config.hand), config.episode)
-    expected = [origin(obj, trials, config.sampler, candidates, seed) for obj in objects]
+    first = origin(objects[0], trials, config.sampler, candidates, seed)  # all but the object is the same for all
+    expected = [replace(first, object_name=obj.name, object_digest=obj.digest) for obj in objects]
     return [Tried(Grasps(t.T_object_tcp, t.grasp_type), t.success) for t in read_tables(folder, expected)]
 
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import torch
 from torch import Tensor
@@ -201,11 +202,12 @@ def _words(codes: Tensor, words: tuple[str, ...]) -> pa.DictionaryArray:
 
 
 def _codes(path: Path, content: pa.Table, column: str, words: tuple[str, ...]) -> Tensor:
-    values = content[column].to_pylist()
-    unknown = set(values) - set(words)
-    if unknown:
-        raise InputError(f"{path}: expected {column} one of {', '.join(words)}; got {min(unknown)}")
-    return torch.tensor([words.index(value) for value in values], dtype=torch.int64)
+    values = content[column].cast(pa.string())
+    codes = pc.index_in(values, pa.array(words))
+    if codes.null_count:
+        unknown = set(values.to_pylist()) - set(words)
+        raise InputError(f"{path}: expected {column} one of {', '.join(words)}; got {min(map(str, unknown))}")
+    return torch.from_numpy(codes.to_numpy().astype(np.int64))
 
 
 def _floats(content: pa.Table, columns: tuple[str, ...]) -> Tensor:

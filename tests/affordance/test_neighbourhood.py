@@ -8,22 +8,15 @@ import torch
 
 from spgf_torch.affordance import model as affordance
 from spgf_torch.affordance.lattice import Kernel, Lattice, gaussian_kernel
-from spgf_torch.affordance.neighbourhood import Condensed, condense
-from spgf_torch.affordance.particles import Particles, pairs_within
-from spgf_torch.affordance.ranking import (
-    RANKINGS,
-    UNSUPPORTED,
-    all_scores,
-    log_odds_scores,
-    paper_scores,
-)
-from spgf_torch.affordance.voting import NO_POINT, Votes, VotingIndex, cast_votes
+from spgf_torch.affordance.neighbourhood import Condensed, Counts, ShapeGraspSpace, analyse, condense
+from spgf_torch.affordance.pairs import CellPairs, cell_pairs
+from spgf_torch.affordance.particles import Particles, Points, pairs_within
+from spgf_torch.affordance.voting import NO_POINT, VotingIndex, cast_votes, counted_votes
 from spgf_torch.config import AffordanceConfig, InputError, settings
 from spgf_torch.geometry import se3
 
 LATTICE = Lattice(reach=0.03, voxel=0.01, rotation_deg=60.0)
 PROTOTYPES = 3
-SHRUNK = settings(AffordanceConfig, shrinkage=10, vote_shrinkage=2)
 
 
 def random_particles(n: int, generator: torch.Generator) -> Particles:
@@ -144,47 +137,63 @@ def test_votes_equal_brute_force(generator: torch.Generator, kernel: Kernel) -> 
     assert NO_POINT in expected and max(expected) > 0
 
 
-def hand_made() -> tuple[Condensed, Votes, torch.Tensor]:
-    """Two points: P = 0.8 with support 30 and P = 0.1 with support 10; base rates 0.1 (NPG) and 0.5 (WPG)."""
-    condensed = Condensed(
-        torch.tensor([0, 1, 2]),
-        torch.tensor([5, 7]),
-        torch.tensor([0.8, 0.1]),
-        torch.tensor([30.0, 10.0]),
-        torch.tensor([0.1, 0.5]),
-    )
-    votes = Votes(torch.tensor([0, 0, 1]), torch.tensor([0, 0, 0]), torch.tensor([0, 1, 0]))
-    return condensed, votes, torch.tensor([0, 1, 1])
+def split(particles: Particles, groups: int) -> list[Particles]:
+    """The particles dealt out to groups in turn."""
+    names = ("prototype", "grasp_type", "cell", "success")
+    return [Particles(*(getattr(particles, name)[g::groups] for name in names)) for g in range(groups)]
 
 
-def test_paper_ranking_by_hand() -> None:
-    condensed, votes, grasp_type = hand_made()
-    assert paper_scores(votes, condensed, grasp_type, SHRUNK).tolist() == pytest.approx([0.9 / 4, 0.8 / 3, UNSUPPORTED])
+def test_analysis_at_points_equals_the_condensed_space(generator: torch.Generator, kernel: Kernel) -> None:
+    """Votes are the same whether the space is condensed first or analysed where the votes fall."""
+    particles, asked = random_particles(400, generator), random_particles(300, generator)
+    grasp = torch.randint(50, (300,), generator=generator)
+    condensed = condense([particles], PROTOTYPES, LATTICE, kernel, 2.0)
+    expected = cast_votes(VotingIndex(condensed, LATTICE), asked, grasp)
+    space = ShapeGraspSpace.of([split(particles, 3)[:2], split(particles, 3)[2:]], PROTOTYPES, LATTICE)
+    counts = analyse(space, asked, torch.full((300,), 2), LATTICE, kernel)
+    votes = counted_votes(counts, asked, grasp, 2.0)
+    assert 20 < len(votes.grasp) < 300
+    for name in ("grasp", "prototype", "probability", "support"):
+        assert torch.equal(getattr(votes, name), getattr(expected, name))
 
 
-def test_log_odds_ranking_by_hand() -> None:
-    """Shrinkage 10, NPG (base 0.1): 25/40 = 0.625 and 0.1; WPG (base 0.5): 29/40 = 0.725. Then 2 votes of nothing."""
-    condensed, votes, grasp_type = hand_made()
-    logit = lambda p: math.log(p / (1 - p))  # noqa: E731
-    expected = [(logit(0.625) - logit(0.1) + 0.0) / (2 + 2), (logit(0.725) - logit(0.5)) / (1 + 2), UNSUPPORTED]
-    assert log_odds_scores(votes, condensed, grasp_type, SHRUNK).tolist() == pytest.approx(expected, rel=1e-4)
+@pytest.mark.parametrize("group", [0, 1, 2])
+def test_leaving_a_group_out_equals_learning_without_it(group: int, generator: torch.Generator, kernel: Kernel) -> None:
+    particles, asked = random_particles(300, generator), random_particles(200, generator)
+    parts = split(particles, 3)
+    space = ShapeGraspSpace.of([[part] for part in parts], PROTOTYPES, LATTICE)
+    without = torch.where(torch.arange(200) < 150, group, 3)  # the last quarter asks everyone
+    left_out = analyse(space, asked, without, LATTICE, kernel)
+    others = ShapeGraspSpace.of([[part for i, part in enumerate(parts) if i != group]], PROTOTYPES, LATTICE)
+    expected = analyse(others, asked, torch.full((200,), 1), LATTICE, kernel)
+    everyone = analyse(space, asked, torch.full((200,), 3), LATTICE, kernel)
+    for name in ("successes", "particles", "here"):
+        assert torch.equal(getattr(left_out, name)[:150], getattr(expected, name)[:150])
+        assert torch.equal(getattr(left_out, name)[150:], getattr(everyone, name)[150:])
+        assert not torch.equal(getattr(expected, name), getattr(everyone, name))
 
 
-def test_sensed_collisions_come_last_but_before_no_support() -> None:
-    condensed, votes, grasp_type = hand_made()
-    scores = all_scores(votes, condensed, grasp_type, torch.tensor([True, False, False]), SHRUNK)
-    assert scores.keys() == {"paper", "log_odds", "log_odds_free"}
-    assert scores["log_odds_free"].argsort(descending=True).tolist() == [1, 0, 2]
-    assert scores["log_odds"].argsort(descending=True).tolist() == [0, 1, 2]
+def test_analysis_of_nothing() -> None:
+    kernel = gaussian_kernel(LATTICE, 0.0, 0.0)
+    none = torch.zeros(0, dtype=torch.int32)
+    space = ShapeGraspSpace.of([[Particles(none, none, none, none.bool())]], 1, LATTICE)
+    one = torch.ones(1, dtype=torch.int32)
+    counts = analyse(space, Points(one - 1, one, one), one.long(), LATTICE, kernel)
+    assert [float(t) for t in (counts.successes, counts.particles, counts.here)] == [0, 0, 0]
+    assert len(counted_votes(counts, Points(one - 1, one, one), one.long(), 0.0).grasp) == 0
+
+
+def test_counts_split_in_order() -> None:
+    row = torch.arange(5.0)
+    parts = Counts(row, row + 10, row + 20).split([2, 3])
+    assert parts[1].particles.tolist() == [12, 13, 14] and parts[0].here.tolist() == [20, 21]
 
 
 def test_an_empty_model_supports_nothing() -> None:
     empty = torch.zeros(0)
     condensed = Condensed(torch.zeros(7, dtype=torch.long), empty.long(), empty, empty, torch.zeros(2))
-    one = torch.zeros(1, dtype=torch.long)
-    votes = cast_votes(VotingIndex(condensed, LATTICE), one, one, one, one)
-    for rank in RANKINGS.values():
-        assert rank(votes, condensed, one, SHRUNK).tolist() == [UNSUPPORTED]
+    one = torch.zeros(1, dtype=torch.int32)
+    assert len(cast_votes(VotingIndex(condensed, LATTICE), Points(one, one, one), one.long()).grasp) == 0
 
 
 SETTINGS = {"features": {}, "prototypes": {}, "affordance": {}, "hand": {}}
@@ -197,17 +206,27 @@ def model(generator: torch.Generator) -> affordance.GraspModel:
     for T in (features, grasps):
         T[:, :3, 3] *= 0.01
     grasp_type = torch.arange(50) % 2
-    pairs = affordance.cell_pairs(features, grasps, grasp_type, config, generator)
+    pairs = cell_pairs(features, grasps, grasp_type, config, generator)
     assert pairs.feature.unique().numel() == 20
     ids = torch.randint(4, (50,), generator=generator)
     learned = affordance.learn([(pairs, ids, torch.rand(50, generator=generator) < 0.5)], torch.rand(4, 144), config)
     return replace(learned, settings=SETTINGS)
 
 
+def test_pairs_of_some_grasps(generator: torch.Generator) -> None:
+    """Grasps 4 and 1 become 0 and 1; the pairs of the others go."""
+    grasp, cell = torch.tensor([0, 1, 4, 1]).int(), torch.tensor([9, 8, 7, 6]).int()
+    pairs = CellPairs(torch.arange(4).int(), grasp, cell, torch.tensor([0, 1, 0, 1, 1]))
+    some = pairs.of_grasps(torch.tensor([4, 1]))
+    assert some.grasp.tolist() == [1, 0, 1] and some.cell.tolist() == [8, 7, 6] and some.feature.tolist() == [1, 2, 3]
+    assert some.grasp_type.tolist() == [1, 1]
+
+
 def test_model_round_trip(model: affordance.GraspModel, tmp_path) -> None:
     affordance.save_model(model, tmp_path)
     back = affordance.load_model(tmp_path)
     assert back.lattice == model.lattice and torch.equal(back.centres, model.centres)
+    assert torch.equal(back.calibration.weights, model.calibration.weights)
     for name in ("slice_start", "cell", "probability", "support", "base_rate"):
         assert torch.equal(getattr(back.condensed, name), getattr(model.condensed, name))
 
@@ -219,7 +238,7 @@ def test_model_round_trip(model: affordance.GraspModel, tmp_path) -> None:
         ("model.json", "not json", "expected a JSON document"),
         ("model.json", '{"format": "other"}', "expected format 'spgf_torch model'"),
         ("model.json", "[]", "expected format"),
-        ("model.json", '{"format": "spgf_torch model", "schema": 1, "lattice": {}}', "expected lattice with the keys"),
+        ("model.json", '{"format": "spgf_torch model", "schema": 2, "lattice": {}}', "expected lattice with the keys"),
         ("model.safetensors", None, "found no such file"),
         ("model.safetensors", "cut", "expected a safetensors file"),
     ],

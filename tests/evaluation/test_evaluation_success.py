@@ -5,14 +5,30 @@ import io
 import json
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
-from spgf_torch.config import EvaluateConfig, InputError, TrainConfig
+from spgf_torch.config import (
+    NESTED,
+    RANKINGS,
+    AffordanceConfig,
+    EvaluateConfig,
+    FeatureConfig,
+    HandConfig,
+    InputError,
+    SensingConfig,
+    TrainConfig,
+    settings,
+)
 from spgf_torch.evaluation import paper, tables
+from spgf_torch.evaluation.card import model_card
 from spgf_torch.evaluation.executed import ObjectOutcome, executed_results
-from spgf_torch.evaluation.folds import stratified_folds
-from spgf_torch.evaluation.results import Novel, build_results, object_rates, read_results, write_json, write_per_object
+from spgf_torch.evaluation.files import write_json, write_per_object, write_predictions
+from spgf_torch.evaluation.folds import stratified_folds, stratified_order
+from spgf_torch.evaluation.novel import Novel
+from spgf_torch.evaluation.reliability import brier, reliability
+from spgf_torch.evaluation.results import build_results, object_rates, read_results
 from spgf_torch.evaluation.success import bootstrap_interval, ceiling, class_means, random_rate, top_n
 
 CLASSES_OF_50 = ["containers"] * 20 + ["boxes"] * 14 + ["curved"] * 16
@@ -26,6 +42,29 @@ def test_folds_spread_every_class_evenly() -> None:
         assert counts.max() - counts.min() <= 1
     assert np.array_equal(fold, stratified_folds(CLASSES_OF_50, 5, seed=0))
     assert not np.array_equal(fold, stratified_folds(CLASSES_OF_50, 5, seed=1))
+
+
+def test_every_beginning_of_the_order_has_the_proportions() -> None:
+    """Of 40, 28 and 32 %, the first 10 hold 4, 2.8 and 3.2: at most one more or less of each."""
+    order = stratified_order(CLASSES_OF_50, seed=0)
+    assert sorted(order) == list(range(50))
+    first = [CLASSES_OF_50[i] for i in order[:10]]
+    for name, share in (("containers", 4.0), ("boxes", 2.8), ("curved", 3.2)):
+        assert abs(first.count(name) - share) <= 1
+
+
+def test_reliability_by_hand() -> None:
+    """Two bins of 0.5: 0.1 and 0.3 with one success of two, 0.9 with one of one.
+
+    Means 0.2 against 0.5 and 0.9 against 1: ECE = (2 * 0.3 + 1 * 0.1) / 3; Brier = (0.01 + 0.49 + 0.01) / 3.
+    """
+    p, held = np.array([0.1, 0.3, 0.9]), np.array([False, True, True])
+    diagram = reliability(p, held, bins=2)
+    assert diagram.count.tolist() == [2, 1]
+    assert diagram.predicted == pytest.approx([0.2, 0.9]) and diagram.observed == pytest.approx([0.5, 1.0])
+    assert diagram.ece == pytest.approx(0.7 / 3) and brier(p, held) == pytest.approx(0.17)
+    assert reliability(np.ones(1), np.ones(1, bool), bins=4).count.tolist() == [0, 0, 0, 1]
+    assert reliability(p[:0], held[:0]).ece == 0 and brier(p[:0], held[:0]) == 0
 
 
 def hand_made() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -76,12 +115,20 @@ def test_interval_of_a_proportion() -> None:
 
 
 def novel_objects() -> list[Novel]:
+    """Ten objects in five folds: log_odds knows the outcome, probability is right by 0.9, before by 0.5."""
     rng = np.random.default_rng(0)
     objects = []
     for i, name in enumerate(["containers"] * 4 + ["boxes"] * 3 + ["curved"] * 3):
         success, grasp_type = rng.random(60) < 0.4, np.arange(60) % 2
-        scores = {"paper": rng.random(60), "log_odds": success + 0.1 * rng.random(60), "log_odds_free": rng.random(60)}
-        objects.append(Novel(f"o{i}", name, i % 5, scores, success, grasp_type, rng.random(60) < 0.3))
+        scores = {ranking: rng.random(60) for ranking in (*RANKINGS, NESTED)}
+        scores["log_odds"] = success + 0.1 * rng.random(60)
+        before, after = np.full(60, 0.5), np.where(success, 0.9, 0.1)
+        votes, pose = rng.integers(0, 9, 60), rng.random((60, 7))
+        chosen = "log_odds" if i % 5 else "paper"
+        collides = rng.random(60) < 0.3
+        objects.append(
+            Novel(f"o{i}", name, i % 5, chosen, scores, before, after, votes, success, grasp_type, collides, pose)
+        )
     return objects
 
 
@@ -91,7 +138,7 @@ def config() -> TrainConfig:
 
 
 def test_results_keep_the_contract(config: TrainConfig) -> None:
-    results = build_results(novel_objects(), config, {"sensing": 1.0, "total": 2.0})
+    results = build_results(novel_objects(), config, "d1")
     blocks = {"success_rate": 3, "random": 2, "random_collision_free": 3, "ceiling": 3}
     for block, kinds in blocks.items():
         assert list(results[block]) == ["containers", "boxes", "curved", "all"]
@@ -101,18 +148,39 @@ def test_results_keep_the_contract(config: TrainConfig) -> None:
     low, high = results["interval95"]["all"]["CG"]
     assert low <= results["success_rate"]["all"]["CG"] <= high
     assert results["by_ranking"]["log_odds"]["all"]["CG"] == 1.0  # its scores know the outcome
+    assert results["chosen"] == {"0": "paper", "1": "log_odds", "2": "log_odds", "3": "log_odds", "4": "log_odds"}
+    assert results["dataset"] == "d1"
+    block = results["calibration"]["WPG"]
+    assert block["brier_before"] == pytest.approx(0.25) and block["brier"] == pytest.approx(0.01)
+    assert block["ece"] == pytest.approx(0.1)
 
 
 def test_files_round_trip(config: TrainConfig, tmp_path) -> None:
     objects = novel_objects()
-    write_json(tmp_path / "results.json", build_results(objects, config, {"total": 2.0}))
+    write_json(tmp_path / "results.json", build_results(objects, config, "d1"))
     assert read_results(tmp_path / "results.json")["success_rate"]["all"].keys() == {"NPG", "WPG", "CG"}
     write_per_object(tmp_path / "per_object.csv", objects, 10)
     rows = list(csv.DictReader((tmp_path / "per_object.csv").read_text().splitlines()))
     assert [row["object"] for row in rows] == [f"o{i}" for i in range(10)]
     expected = object_rates(objects[3], 10).by_ranking["paper"]["CG"]
     assert float(rows[3]["paper_CG"]) == pytest.approx(expected)
+    write_predictions(tmp_path / "predictions.parquet", objects)
+    table = pq.read_table(tmp_path / "predictions.parquet").to_pydict()
+    assert len(table["object"]) == 600 and table["object"][60] == "o1" and table["type"][61] == "WPG"
+    assert table["score_calibrated"][65] == pytest.approx(objects[1].scores["calibrated"][5], rel=1e-6)
+    assert table["qz"][599] == pytest.approx(objects[9].pose[59, 6], rel=1e-6)
     assert not list(tmp_path.glob("*.part"))
+
+
+def test_the_model_card_says_what_was_measured(config: TrainConfig) -> None:
+    for room, values in (("hand", HandConfig), ("features", FeatureConfig), ("affordance", AffordanceConfig)):
+        setattr(config, room, settings(values))
+    config.sensing, config.objects, config.trials = settings(SensingConfig), "data/objects", "data/trials"
+    results = build_results(novel_objects(), config, "d1")
+    card = model_card(results, config, objects=10, trials=600, size=2_000_000)
+    rate = f"{100 * results['by_ranking']['nested']['all']['CG']:.1f}"
+    assert rate in card and "600 simulated trials" in card and "2 MB" in card
+    assert "fold 0: `paper`" in card and "| WPG | 0.250 | 0.010 |" in card and "## Limits" in card
 
 
 @pytest.mark.parametrize("content", [None, "", "{", "[]", '{"schema": 2}', json.dumps({"schema": 1})])
@@ -127,9 +195,12 @@ def test_foreign_results_are_refused(content: str | None, tmp_path) -> None:
 
 def test_the_table_shows_the_paper_beside_ours(config: TrainConfig) -> None:
     console = Console(width=80, record=True, file=io.StringIO())
-    console.print(tables.results_table(build_results(novel_objects(), config, {})))
+    results = build_results(novel_objects(), config, "d1")
+    console.print(tables.results_table(results))
+    console.print(tables.chosen_line(results), tables.calibration_line(results), soft_wrap=True)
     text = console.export_text()
-    assert "83.8" in text and "log_odds" in text and "100.0" in text and "…" not in text
+    assert "log_odds in 4 of 5 folds, paper in 1 of 5 folds" in text and "WPG 0.100 (as voted" in text
+    assert "83.8" in text and "nested" in text and "100.0" in text and "…" not in text
 
 
 def test_executed_results_keep_the_contract() -> None:

@@ -23,6 +23,7 @@ TINY = [
     "affordance.features_per_object=60",
     "prototypes.restarts=2",
     "prototypes.subsample=1000",
+    "inner_grasps=200",
 ]
 
 
@@ -66,19 +67,21 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_train_leaves_what_the_contract_says(small: Path) -> None:
     run = small / "outputs/train/latest"
     assert {p.name for p in run.iterdir()} == {
-        "config.yaml", "results.json", "per_object.csv", "model.safetensors", "model.json",
+        "config.yaml", "results.json", "per_object.csv", "predictions.parquet",
+        "model.safetensors", "model.json", "README.md",
     }  # fmt: skip
     results = json.loads((run / "results.json").read_text())
     assert (
         results["K"] == 4
         and results["folds"] == 2
-        and set(results["by_ranking"]) == {"paper", "log_odds", "log_odds_free"}
+        and set(results["by_ranking"]) == {"paper", "log_odds", "log_odds_free", "calibrated", "nested"}
     )
     assert {"sensing", "features", "prototypes", "particles", "voting", "total"} <= set(results["seconds"])
     assert results["ceiling"]["all"]["CG"] == 1.0
     assert yaml.safe_load((run / "config.yaml").read_text())["prototypes"]["num_clusters"] == 4
     assert len((run / "per_object.csv").read_text().splitlines()) == 1 + len(NAMES)
-    assert "K = 4" in (small / "stdout.txt").read_text() and "log_odds" in (small / "stdout.txt").read_text()
+    assert "K = 4" in (small / "stdout.txt").read_text() and "nested" in (small / "stdout.txt").read_text()
+    assert "K = 4" in (run / "README.md").read_text() and set(results["chosen"]) == {"0", "1"}
     assert "sensing" in (small / "stderr.txt").read_text()
 
 
