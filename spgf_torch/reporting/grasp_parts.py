@@ -64,7 +64,7 @@ def reliability_part(context: Context, objects: Sequence[Candidates]) -> Part:
     )
     figure = reliability_diagram(before, after)
     words = caption(
-        f"What is predicted and what happens, on novel objects, K = {context.shown.K}: grasps with a vote in {bins} "
+        f"What is predicted and what happens, on novel objects, K = {context.shown.K}: all candidate grasps in {BINS} "
         "bins of predicted probability. On the dashed line, of the grasps that are given 70 % exactly 70 % "
         "succeed. Grey: the mean learned probability of a grasp's votes; coloured: calibrated on training objects. "
         "Hollow points stand for fewer than 20 grasps; below, the number of grasps in each bin (logarithmic)."

@@ -84,7 +84,7 @@ def load_runs(runs: Any, tell: Tell) -> list[Run]:
     Every run that is interrupted or damaged, or made from other data than the newest one, is told in a line and left
     out. Raises InputError where a folder does not exist or holds no run, or where nothing is left.
     """
-    folders = list(dict.fromkeys(folder for given in _listed(runs) for folder in _run_folders(given)))
+    folders = {folder.resolve(): folder for given in _listed(runs) for folder in _run_folders(given)}.values()
     loaded = []
     for folder in folders:
         try:
@@ -153,12 +153,12 @@ def _listed(runs: Any) -> list[Path]:
 def _run_folders(folder: Path) -> Iterator[Path]:
     """The folder itself if it is a run's, else those in it; the link `latest` is no run of its own."""
     if _is_run(folder):
-        yield folder.resolve()
+        yield folder.resolve() if folder.is_symlink() else folder  # `latest` has no date in its name
         return
     found = [entry for entry in sorted(folder.iterdir()) if _is_run(entry) and not entry.is_symlink()]
     if not found:
         raise InputError(f"runs: expected a run of train or a folder of runs, got none in {folder}")
-    yield from (entry.resolve() for entry in found)
+    yield from found
 
 
 def _is_run(folder: Path) -> bool:
