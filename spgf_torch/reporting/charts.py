@@ -30,8 +30,8 @@ class Precision:
     """Precision at N of one run: `shown` ranking with its bounds, the paper's ranking and the ceiling beside it."""
 
     shown: Curves
-    paper: Curves | None
-    ceiling: Curves
+    paper: Mapping[str, np.ndarray] | None
+    ceiling: Mapping[str, np.ndarray]
 
 
 def success_over_k(runs: Sequence[Run], ranking: str) -> Figure:
@@ -75,9 +75,9 @@ def precision_at_n(curves: Precision, n: int, random: Mapping[str, Mapping[str, 
         j, colour = TYPES.index(kind), TYPE_COLOURS[kind]
         mean, low, high = (100 * values[j] for values in curves.shown[name])
         axis.axvline(n, color="#d0d0d0", linewidth=0.8)
-        axis.plot(N, 100 * curves.ceiling[name][0][j], color=CEILING, linestyle=":", linewidth=1.2)
+        axis.plot(N, 100 * curves.ceiling[name][j], color=CEILING, linestyle=":", linewidth=1.2)
         if curves.paper:
-            axis.plot(N, 100 * curves.paper[name][0][j], color=PAPER, linewidth=1.2)
+            axis.plot(N, 100 * curves.paper[name][j], color=PAPER, linewidth=1.2)
         axis.fill_between(N, low, high, color=colour, alpha=0.18, linewidth=0)
         axis.plot(N, mean, color=colour, linewidth=1.8)
         if kind != "CG":

@@ -13,11 +13,12 @@ from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.reporting.charts import Precision, precision_at_n, reliability_diagram
 from spgf_torch.reporting.context import Context, Part
 from spgf_torch.reporting.learned import full_fork
-from spgf_torch.reporting.page import Section, caption, chart, picture, png, table, turning
+from spgf_torch.reporting.page import Section, caption, chart, drawn, picture, png, table, turning
 from spgf_torch.reporting.predictions import (
     Candidates,
     ceilings_at,
     class_curves,
+    mean_curves,
     precision_at,
     probabilities,
 )
@@ -38,14 +39,16 @@ def precision_part(context: Context, objects: Sequence[Candidates]) -> Part:
     config, run = context.config, context.shown
     classes = [candidates.category for candidates in objects]
 
-    def curves(ranking: str | None) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        most = config.precision
-        at = ceilings_at(objects, most) if ranking is None else precision_at(objects, ranking, run.chosen, most)
-        return class_curves(classes, at, config.bootstrap, config.seed)
+    def at(ranking: str) -> np.ndarray:
+        return precision_at(objects, ranking, run.chosen, config.precision)
 
     shared = context.ranking != PAPER and all(PAPER in candidates.scores for candidates in objects)
-    drawn = Precision(curves(context.ranking), curves(PAPER) if shared else None, curves(None))
-    figure = precision_at_n(drawn, run.N, run.random)
+    curves = Precision(
+        class_curves(classes, at(context.ranking), config.bootstrap, config.seed),
+        mean_curves(classes, at(PAPER)) if shared else None,
+        mean_curves(classes, ceilings_at(objects, config.precision)),
+    )
+    figure = precision_at_n(curves, run.N, run.random)
     words = caption(
         f"Share of successes among the N highest-ranked grasps, K = {run.K}. Coloured: the ranking "
         f"<code>{html.escape(context.ranking)}</code> with its 95 % interval over objects; grey: the same votes "
@@ -53,7 +56,7 @@ def precision_part(context: Context, objects: Sequence[Candidates]) -> Part:
         f"hold; dashed: random. The thin line marks N = {run.N}, the N of Table 1."
     )
     body = words + chart(figure, "precision at N")
-    return Part(Section("precision", "Precision at N", body), {"precision_at_n.png": png(figure)})
+    return Part(Section("precision", "Precision at N", body), {"precision_at_n.png": png(drawn(figure))})
 
 
 def reliability_part(context: Context, objects: Sequence[Candidates]) -> Part:
@@ -74,7 +77,7 @@ def reliability_part(context: Context, objects: Sequence[Candidates]) -> Part:
         [kind, *(f"{numbers[kind][key]:.3f}" if key in numbers[kind] else "-" for key in SCORES)] for kind in numbers
     ]
     body = words + chart(figure, "reliability diagram") + (table(["", *SCORES.values()], rows) if rows else "")
-    return Part(Section("reliability", "Reliability", body), {"reliability.png": png(figure)})
+    return Part(Section("reliability", "Reliability", body), {"reliability.png": png(drawn(figure))})
 
 
 def worst_part(
@@ -92,14 +95,14 @@ def worst_part(
     if not pictured:
         return Part(Section("worst", title, "<p>No object to picture: every highest-ranked grasp was held.</p>"))
     shown = [_held(c, top, library[c.name], openings) for c, top in pictured]
-    drawn = png(worst(shown))
+    shown_as = drawn(worst(shown))
     words = caption(
         f"The objects with the lowest CG by the ranking <code>{html.escape(context.ranking)}</code>, K = "
         f"{context.shown.K}, with their {n} highest-ranked grasps: red failed, green held. A fork is the open hand: "
         "approach axis, palm, and two fingers that end at the pads. Turned below."
     )
-    body = words + picture(drawn, "worst objects") + turning(worst_view(shown))
-    return Part(Section("worst", title, body), {"worst_objects.png": drawn})
+    body = words + picture(shown_as, "worst objects") + turning(worst_view(shown))
+    return Part(Section("worst", title, body), {"worst_objects.png": png(shown_as)})
 
 
 def _held(candidates: Candidates, top: np.ndarray, obj: GraspObject, openings: Mapping[str, float]) -> Held:

@@ -19,7 +19,7 @@ from spgf_torch.reporting import scenes
 from spgf_torch.reporting.context import Context, Part
 from spgf_torch.reporting.learned import Ring, learned_grasps, rings, rings_deg
 from spgf_torch.reporting.names import prototype_names, ring_shape
-from spgf_torch.reporting.page import Section, caption, picture, png, table, turning
+from spgf_torch.reporting.page import Section, caption, drawn, picture, png, table, turning
 from spgf_torch.reporting.style import prototype_colours
 from spgf_torch.reporting.views import grasp_view, object_view, prototype_view
 from spgf_torch.sensing.sense import sense
@@ -52,7 +52,7 @@ def describe(model: GraspModel, radius: float) -> Prototypes:
 
 def prototypes_part(context: Context, prototypes: Prototypes) -> Part:
     """Fig. 10, and the rule of the names."""
-    drawn = png(scenes.prototypes(prototypes.shapes, prototypes.names))
+    shown_as = drawn(scenes.prototypes(prototypes.shapes, prototypes.names))
     words = caption(
         f"The {len(prototypes.names)} prototypes of K = {context.shown.K}. The centre looks up (black), "
         "red points in the aligned direction. A cell of a ring lies where its mean elevation alpha1 puts it at the "
@@ -85,8 +85,10 @@ def prototypes_part(context: Context, prototypes: Prototypes) -> Part:
         f"id.</p><details><summary>The rule</summary><pre>{text}</pre></details><details><summary>The values it "
         f"looks at</summary>{table(head, rows)}</details>"
     )
-    body = words + picture(drawn, "prototypes") + turning(prototype_view(prototypes.shapes, prototypes.names)) + names
-    return Part(Section("fig10", "Fig. 10: prototypes", body), {"fig10_prototypes.png": drawn})
+    body = (
+        words + picture(shown_as, "prototypes") + turning(prototype_view(prototypes.shapes, prototypes.names)) + names
+    )
+    return Part(Section("fig10", "Fig. 10: prototypes", body), {"fig10_prototypes.png": png(shown_as)})
 
 
 def objects_part(context: Context, prototypes: Prototypes, library: Mapping[str, GraspObject]) -> Part:
@@ -97,15 +99,15 @@ def objects_part(context: Context, prototypes: Prototypes, library: Mapping[str,
         _texels(obj, prototypes.model, sensing, features, context.shown.seed)
         for obj in some_objects(library, context.config.objects)
     ]
-    drawn = png(scenes.objects(shown, prototypes.names, prototypes.colours))
+    shown_as = drawn(scenes.objects(shown, prototypes.names, prototypes.colours))
     words = caption(
         f"Objects as {sensing.cameras} depth cameras see them; each texlet has the colour of its nearest "
         f"prototype (K = {context.shown.K}). A name's family has a hue, its members have shades: grey surface, blue "
         "wall, orange rim, green edge, purple corner. In the view below a click on the legend hides a prototype, a "
         "double click shows it alone."
     )
-    body = words + picture(drawn, "objects") + turning(object_view(shown, prototypes.names, prototypes.colours))
-    return Part(Section("fig11", "Fig. 11: objects", body), {"fig11_objects.png": drawn})
+    body = words + picture(shown_as, "objects") + turning(object_view(shown, prototypes.names, prototypes.colours))
+    return Part(Section("fig11", "Fig. 11: objects", body), {"fig11_objects.png": png(shown_as)})
 
 
 def grasps_part(context: Context, prototypes: Prototypes, kind: str, opening: float) -> Part:
@@ -113,7 +115,7 @@ def grasps_part(context: Context, prototypes: Prototypes, kind: str, opening: fl
     learned = [
         learned_grasps(prototypes.model, k, kind, opening, context.config.grasps) for k in range(len(prototypes.names))
     ]
-    drawn = png(scenes.grasps(prototypes.shapes, learned, prototypes.names, opening))
+    shown_as = drawn(scenes.grasps(prototypes.shapes, learned, prototypes.names, opening))
     points = sum(found.points for found in learned)
     words = caption(
         f"What was learned of the {WORDS[kind]} ({kind}), K = {context.shown.K}. Each "
@@ -123,11 +125,11 @@ def grasps_part(context: Context, prototypes: Prototypes, kind: str, opening: fl
     )
     body = (
         words
-        + picture(drawn, f"learned grasps {kind}")
+        + picture(shown_as, f"learned grasps {kind}")
         + turning(grasp_view(prototypes.shapes, learned, prototypes.names))
     )
     title = f"Fig. {FIGURE[kind]}: {kind}"
-    return Part(Section(f"fig{FIGURE[kind]}", title, body), {f"fig{FIGURE[kind]}_{kind}.png": drawn})
+    return Part(Section(f"fig{FIGURE[kind]}", title, body), {f"fig{FIGURE[kind]}_{kind}.png": png(shown_as)})
 
 
 def some_objects(library: Mapping[str, GraspObject], each: int) -> list[GraspObject]:

@@ -12,13 +12,17 @@ from dataclasses import dataclass
 from importlib.resources import files
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 from spgf_torch.reporting.style import DPI, LETTERS
 from spgf_torch.reporting.views import View
 
 WIDTH = 1500  # pixels of a picture in the page; the files beside it are at print resolution
 QUALITY = 82  # of WebP
+COMPRESSION = 4  # of PNG: half the time of the usual 6 for a tenth more bytes
 
 
 @dataclass(frozen=True)
@@ -78,24 +82,30 @@ def chart(figure: Figure, alt: str) -> str:
     return f"<figure>{drawn}</figure>"
 
 
-def picture(png: bytes, alt: str) -> str:
-    """A picture of things in space, made smaller for the page."""
-    from PIL import Image
+def drawn(figure: Figure) -> Image.Image:
+    """A figure at print resolution."""
+    figure.set_dpi(DPI)
+    canvas = FigureCanvasAgg(figure)
+    with mpl.rc_context(LETTERS):  # ticks are made while drawing
+        canvas.draw()
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
 
-    image = Image.open(io.BytesIO(png)).convert("RGB")
-    image.thumbnail((WIDTH, 4 * WIDTH))
+
+def png(image: Image.Image) -> bytes:
+    """The file of a picture."""
     out = io.BytesIO()
-    image.save(out, "WEBP", quality=QUALITY, method=2)
+    image.save(out, "PNG", compress_level=COMPRESSION, dpi=(DPI, DPI))
+    return out.getvalue()
+
+
+def picture(image: Image.Image, alt: str) -> str:
+    """A picture of things in space, made smaller for the page."""
+    out = io.BytesIO()
+    image.resize((WIDTH, round(WIDTH * image.height / image.width)), Image.Resampling.BOX, reducing_gap=1.5).save(
+        out, "WEBP", quality=QUALITY, method=2
+    )
     data = base64.b64encode(out.getvalue()).decode()
     return f'<figure><img alt="{html.escape(alt)}" src="data:image/webp;base64,{data}"></figure>'
-
-
-def png(figure: Figure) -> bytes:
-    """A figure at print resolution."""
-    out = io.BytesIO()
-    with mpl.rc_context(LETTERS):  # ticks are made while drawing
-        figure.savefig(out, dpi=DPI, format="png")
-    return out.getvalue()
 
 
 def turning(view: View) -> str:

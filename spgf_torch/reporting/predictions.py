@@ -111,19 +111,27 @@ def class_curves(
 
     The bounds are 95 % percentiles over objects drawn with replacement within their class, as in the table.
     """
-    rng, labels = np.random.default_rng(seed), np.asarray(categories)
-    flat = values.reshape(len(values), -1)
-    counts = np.zeros((resamples, len(labels)))  # how often each object was drawn
+    rng, flat = np.random.default_rng(seed), values.reshape(len(values), -1)
+    counts = np.zeros((resamples, len(flat)))  # how often each object was drawn
     for name in dict.fromkeys(categories):
-        members = np.flatnonzero(labels == name)
+        members = _members(categories, name)
         counts[:, members] = rng.multinomial(len(members), np.full(len(members), 1 / len(members)), size=resamples)
-    curves = {}
-    for name in [*(c for c in CLASSES if c in categories), "all"]:
-        members = np.arange(len(labels)) if name == "all" else np.flatnonzero(labels == name)
+    means, curves = mean_curves(categories, values), {}
+    for name, mean in means.items():
+        members = _members(categories, name)
         low, high = np.quantile(counts[:, members] @ flat[members] / len(members), (0.025, 0.975), axis=0)
-        shape = values.shape[1:]
-        curves[name] = (values[members].mean(axis=0), low.reshape(shape), high.reshape(shape))
+        curves[name] = (mean, low.reshape(mean.shape), high.reshape(mean.shape))
     return curves
+
+
+def mean_curves(categories: Sequence[str], values: np.ndarray) -> dict[str, np.ndarray]:
+    """Class (and "all") -> mean of `values` (objects, ...) over the class's objects."""
+    names = [*(name for name in CLASSES if name in categories), "all"]
+    return {name: values[_members(categories, name)].mean(axis=0) for name in names}
+
+
+def _members(categories: Sequence[str], name: str) -> np.ndarray:
+    return np.flatnonzero([name in ("all", category) for category in categories])
 
 
 def probabilities(objects: Sequence[Candidates], kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

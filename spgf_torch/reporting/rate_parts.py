@@ -9,7 +9,7 @@ from spgf_torch.evaluation import paper
 from spgf_torch.reporting.ablations import ablation_csv, ablation_markdown, ablation_page, ablations
 from spgf_torch.reporting.charts import success_over_k
 from spgf_torch.reporting.context import Context, Part, best_run
-from spgf_torch.reporting.page import Section, caption, chart, png, table
+from spgf_torch.reporting.page import Section, caption, chart, drawn, png, table
 from spgf_torch.reporting.predictions import NESTED
 from spgf_torch.reporting.runs import Run
 from spgf_torch.reporting.table1 import Group, latex, long_csv, markdown, page_table
@@ -107,7 +107,7 @@ def over_k(context: Context) -> Part:
         "objects; grey: the paper. Dashed: random candidates; dotted: the best any ranking could do."
     )
     body = words + chart(figure, "success-rate over K")
-    return Part(Section("fig9", "Fig. 9: over K", body), {"fig09_success_over_K.png": png(figure)})
+    return Part(Section("fig9", "Fig. 9: over K", body), {"fig09_success_over_K.png": png(drawn(figure))})
 
 
 def ablation_part(context: Context) -> Part | None:

@@ -1,0 +1,118 @@
+"""Tiny runs of `train` for the tests of the report: three objects, twenty candidates of each type, known outcomes."""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import torch
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from spgf_torch.affordance.calibration import TERMS, Calibration
+from spgf_torch.affordance.lattice import Lattice
+from spgf_torch.affordance.model import GraspModel, save_model
+from spgf_torch.affordance.neighbourhood import Condensed
+from spgf_torch.cli import slug
+from spgf_torch.config import RANKINGS, TrainConfig, plain, typed
+from spgf_torch.evaluation.files import write_json, write_per_object, write_predictions
+from spgf_torch.evaluation.novel import Novel
+from spgf_torch.evaluation.results import build_results
+
+ROOT = Path(__file__).parents[2]
+OBJECTS = {"mug_coffee": "containers", "box_tea": "boxes", "egg": "curved"}
+CANDIDATES = 20  # of each type
+
+
+@cache
+def defaults() -> dict:
+    """The settings of a run with few pixels, as plain values."""
+    OmegaConf.register_new_resolver("slug", slug, replace=True)
+    fewer = ["K=3", "sensing.width=160", "sensing.height=120", "sensing.focal=144", "bootstrap=100", "folds=3", "N=4"]
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        values = OmegaConf.to_container(compose("train", fewer), resolve=True)
+    assert isinstance(values, dict)
+    return {**values, "objects": str(ROOT / "data/objects")}
+
+
+def train_config(K: int, **changes: object) -> TrainConfig:
+    prototypes = {**defaults()["prototypes"], "num_clusters": K}
+    return typed(TrainConfig, {**defaults(), "prototypes": prototypes, "K": K, **changes})
+
+
+def novel_objects(skill: float, seed: int) -> list[Novel]:
+    """Predictions whose scores follow the outcome as closely as `skill` says."""
+    rng = np.random.default_rng(seed)
+    objects = []
+    for fold, (name, category) in enumerate(OBJECTS.items()):
+        success = np.random.default_rng(fold).random(2 * CANDIDATES) < 0.4  # the same in every run: one dataset
+        score = skill * success + rng.normal(0, 1, len(success))
+        probability = 1 / (1 + np.exp(-score))
+        pose = np.column_stack([rng.normal(0, 0.03, (len(success), 3)), rng.normal(0, 1, (len(success), 4))])
+        objects.append(
+            Novel(
+                name=name,
+                category=category,
+                fold=fold,
+                chosen="log_odds",
+                scores={**dict.fromkeys(RANKINGS, score), "nested": score},
+                probability_before=probability**2,
+                probability=probability,
+                votes=np.full(len(success), 7),
+                success=success,
+                grasp_type=np.repeat([0, 1], CANDIDATES),
+                collides=np.zeros(len(success), dtype=bool),
+                pose=pose,
+            )
+        )
+    return objects
+
+
+def tiny_model(K: int, config: TrainConfig) -> GraspModel:
+    """A flat surface, a wall and then rims, each with nine points of each type."""
+    rings = np.zeros((K, 2, 36, 2))
+    rings[:, 1, :] = 90, 180
+    rings[1:, 1, :] = 10, 175
+    rings[2:, 0, :9] = 90, 90
+    lattice = Lattice(0.1, 0.012, 22.5)
+    points = 2 * K * 9
+    cells = torch.randint(lattice.cells, (points,), generator=torch.Generator().manual_seed(0))
+    condensed = Condensed(
+        torch.arange(2 * K + 1) * 9,
+        cells,
+        torch.linspace(0, 1, points),
+        torch.full((points,), 5.0),
+        torch.tensor([0.1, 0.4]),
+    )
+    centres = torch.from_numpy(np.radians(rings).reshape(K, -1)).float()
+    return GraspModel(centres, condensed, lattice, Calibration(torch.zeros(2, len(TERMS))), plain(config))
+
+
+def write_run(
+    folder: Path,
+    K: int = 3,
+    skill: float = 3.0,
+    model: bool = True,
+    dataset: str = "d1",
+    seed: int = 0,
+    **changes: object,
+) -> Path:
+    """A run folder with every file of the contract (`changes`: settings that differ from the defaults)."""
+    folder.mkdir(parents=True)
+    config = train_config(K, seed=seed, **changes)
+    (folder / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.create(plain(config))))
+    objects = novel_objects(skill, seed + K)
+    write_per_object(folder / "per_object.csv", objects, config.N)
+    write_predictions(folder / "predictions.parquet", objects)
+    write_json(folder / "results.json", {**build_results(objects, config, dataset), "seconds": {"total": 1.0}})
+    if model:
+        save_model(tiny_model(K, config), folder)
+    return folder
+
+
+def without_ranking(folder: Path, ranking: str) -> None:
+    """Take a ranking out of a run's results, as in runs that are older than it."""
+    content = json.loads((folder / "results.json").read_text())
+    for block in ("by_ranking", "interval95_by_ranking"):
+        content[block].pop(ranking)
+    (folder / "results.json").write_text(json.dumps(content))

@@ -1,0 +1,114 @@
+"""Single grasps: rankings, precision at N, intervals of curves, pictures' geometry."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from report_runs import write_run
+
+from spgf_torch.config import InputError
+from spgf_torch.evaluation.success import bootstrap_interval
+from spgf_torch.reporting.learned import fork, ring_positions, rings, spread
+from spgf_torch.reporting.predictions import (
+    Candidates,
+    ceilings_at,
+    class_curves,
+    precision_at,
+    read_predictions,
+    rotations,
+)
+from spgf_torch.reporting.runs import read_run
+
+
+def candidates(score: list[float], success: list[int], grasp_type: list[int], fold: int = 0) -> Candidates:
+    n = len(score)
+    scores = {"paper": np.array(score), "log_odds": -np.array(score)}
+    held, zeros, pose = np.array(success, dtype=bool), np.zeros(n), np.tile([0, 0, 0, 1.0, 0, 0, 0], (n, 1))
+    return Candidates("a", "boxes", fold, np.array(grasp_type), held, held, zeros, scores, zeros, zeros, pose)
+
+
+def test_nested_ranks_by_the_ranking_of_the_objects_fold() -> None:
+    one = candidates([3, 1, 2], [1, 0, 1], [0, 0, 0], fold=4)
+    assert one.ranked("paper", {}, "CG", 2).tolist() == [0, 2]
+    assert one.ranked("nested", {4: "log_odds"}, "CG", 2).tolist() == [1, 2]
+
+
+def test_precision_at_n() -> None:
+    """By score: held, failed, held (NPG: the first and third, held and held; WPG: the second alone, failed)."""
+    one = candidates([3, 2, 1], [1, 0, 1], [0, 1, 0])
+    npg, wpg, cg = precision_at([one], "paper", {}, 4)[0]
+    assert npg.tolist() == [1, 1, 1, 1]
+    assert wpg.tolist() == [0, 0, 0, 0]
+    assert cg == pytest.approx([1, 1 / 2, 2 / 3, 2 / 3])  # of fewer than N grasps the share is that of all
+    assert ceilings_at([one], 4)[0, 2] == pytest.approx([1, 1, 2 / 3, 2 / 4])
+
+
+def test_ties_go_to_the_earlier_grasp_and_silence_comes_last() -> None:
+    one = candidates([-np.inf, 1, 1, -np.inf], [0, 0, 0, 0], [0, 0, 0, 0])
+    assert one.ranked("paper", {}, "NPG", 4).tolist() == [1, 2, 0, 3]
+
+
+def test_intervals_of_curves_are_those_of_the_table() -> None:
+    """The same resampling of objects within classes: equal up to the noise of two thousand draws."""
+    rng = np.random.default_rng(0)
+    classes = ["boxes"] * 8 + ["curved"] * 4
+    values = rng.random((12, 1))
+    theirs = bootstrap_interval(classes, [{"CG": float(v[0])} for v in values], 2000, 0)
+    for name, (mean, low, high) in class_curves(classes, values, 2000, 1).items():
+        members = [i for i, c in enumerate(classes) if name in ("all", c)]
+        assert mean == pytest.approx(values[members].mean(axis=0))
+        assert (low[0], high[0]) == pytest.approx(theirs[name]["CG"], abs=0.02)
+
+
+def test_quaternions_become_rotations() -> None:
+    """90 deg about z takes x to y; the length of a quaternion does not matter."""
+    turn = rotations(np.array([[2.0, 0, 0, 2.0]]))[0]
+    assert turn @ [1, 0, 0] == pytest.approx([0, 1, 0]) and turn @ [0, 0, 1] == pytest.approx([0, 0, 1])
+
+
+def test_ring_cells_lie_where_alpha1_says() -> None:
+    """Eq. 2: elevation 0 lies in the plane, 90 deg right below the centre, -30 deg above the plane."""
+    at = ring_positions(np.radians([0, 90, -30]), np.radians([0, 0, 90]), 0.03)
+    assert at == pytest.approx(np.array([[0.03, 0, 0], [0, 0, -0.03], [0, 0.03 * np.sqrt(3) / 2, 0.015]]))
+
+
+def test_gaps_are_left_out_of_a_ring() -> None:
+    prototype = np.zeros((2, 36, 2))
+    prototype[0, :6] = 90, 90
+    top, bottom = rings(prototype, 0.03)
+    assert len(top.quads) == 30 and len(top.gap_lines) == 6 and len(bottom.quads) == 36
+    assert bottom.quads[:, :, 2].max() < top.quads[:, :, 2].min()  # drawn lower, so that both are seen
+
+
+def test_fork_ends_at_the_pads_and_approaches_along_z() -> None:
+    handle, palm, left, right = fork(0.08)
+    assert handle[0, 2] < handle[1, 2] == palm[0, 2] == left[0, 2] < left[1, 2] == 0
+    assert right[1, 0] - left[1, 0] == pytest.approx(0.04)  # half the opening
+
+
+def test_spread_takes_the_farthest_next() -> None:
+    position = np.array([[0, 0, 0], [0.01, 0, 0], [0.1, 0, 0], [0.05, 0, 0]])
+    still = np.tile([1.0, 0, 0, 0], (4, 1))
+    assert spread(position, still, 3).tolist() == [0, 2, 3]
+    assert len(spread(position, still, 9)) == 4 and len(spread(position[:0], still[:0], 3)) == 0
+
+
+def test_predictions_are_read_as_they_were_written(tmp_path: Path) -> None:
+    run = read_run(write_run(tmp_path / "run", model=False))
+    objects = read_predictions(run, "nested")
+    assert [c.name for c in objects] == ["mug_coffee", "box_tea", "egg"] and len(objects[0].success) == 40
+    for name, kinds in run.by_ranking["nested"].items():
+        shown = [c for c in objects if name in ("all", c.category)]
+        rates = precision_at(shown, "nested", run.chosen, run.N)[:, :, -1].mean(axis=0)
+        assert rates == pytest.approx([kinds[kind] for kind in ("NPG", "WPG", "CG")], abs=1e-6)
+    with pytest.raises(InputError, match=r"predictions\.parquet.*ranking best"):
+        read_predictions(run, "best")
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1 and then nothing"])
+def test_damaged_predictions_are_told_in_a_line(tmp_path: Path, content: bytes) -> None:
+    run = read_run(write_run(tmp_path / "run", model=False))
+    (run.folder / "predictions.parquet").write_bytes(content)
+    with pytest.raises(InputError, match=r"predictions\.parquet") as error:
+        read_predictions(run, "nested")
+    assert "\n" not in str(error.value)

@@ -1,0 +1,81 @@
+"""What belongs together: the sweep over K, variants beside it, and what they differ in."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from spgf_torch.config import InputError
+from spgf_torch.reporting.runs import ObjectRow, Run
+from spgf_torch.reporting.sweep import difference, find_sweep
+
+
+def made(stamp: str, K: int, **settings: Any) -> Run:
+    values = {"K": K, "seed": 0, "features": {"layers": 2, "radius": 0.03}, "workers": 1, **settings}
+    return Run(Path(stamp), stamp, values, K, 10, 0, "d", {}, {}, {}, {}, {}, {}, {})
+
+
+def test_runs_that_differ_in_k_alone_are_the_sweep() -> None:
+    runs = [made("1", 5), made("2", 20), made("3", 20, features={"layers": 1, "radius": 0.03})]
+    sweep = find_sweep(runs)
+    assert [run.stamp for run in sweep.runs] == ["1", "2"]
+    (variant,) = sweep.variants
+    assert variant.run.stamp == "3" and variant.reference.stamp == "2"
+    assert variant.varies == {"features.layers": ("1", "2")} and variant.label == "features.layers = 1 (2)"
+
+
+def test_of_equal_runs_the_newest_counts() -> None:
+    sweep = find_sweep([made("1", 5), made("2", 10), made("3", 5, workers=8, objects="elsewhere", cache="off")])
+    assert [(run.K, run.stamp) for run in sweep.runs] == [(5, "3"), (10, "2")] and not sweep.variants
+
+
+def test_of_two_groups_of_one_size_the_newest_is_the_sweep() -> None:
+    sweep = find_sweep([made("1", 20), made("2", 20, seed=1)])
+    assert [run.stamp for run in sweep.runs] == ["2"]
+    assert sweep.variants[0].varies == {"seed": ("0", "1")}
+
+
+def test_a_variant_is_compared_with_its_own_k_or_the_one_next_to_20() -> None:
+    sweep = find_sweep([made("1", 5), made("2", 15), made("3", 25), made("4", 5, seed=1), made("5", 10, seed=2)])
+    references = {variant.run.stamp: variant.reference.stamp for variant in sweep.variants}
+    assert references == {"4": "1", "5": "2"}  # of 15 and 25, as near to 20, the smaller
+    assert sweep.variants[1].varies == {"K": ("10", "15"), "seed": ("2", "0")} or sweep.variants[0].run.stamp == "5"
+
+
+def test_k_that_the_paper_does_not_have_is_in_the_sweep_and_an_ablation() -> None:
+    sweep = find_sweep([made("1", 1), made("2", 10), made("3", 20)])
+    assert [run.K for run in sweep.runs] == [1, 10, 20]
+    assert [(variant.label, variant.reference.K) for variant in sweep.variants] == [("K = 1 (20)", 20)]
+
+
+def test_variants_are_ordered_by_number() -> None:
+    runs = [
+        made("1", 5),
+        made("2", 20),
+        *(made(f"{i + 3}", 20, trials_per_object=n) for i, n in enumerate((100, 25, 500))),
+    ]
+    assert [v.varies["trials_per_object"] for v in find_sweep(runs).variants] == [
+        ("25", "-"),
+        ("100", "-"),
+        ("500", "-"),
+    ]
+
+
+def row(name: str, category: str, rate: float) -> ObjectRow:
+    return ObjectRow(name, category, 0, {"paper": {"NPG": rate, "WPG": 0.5, "CG": rate}})
+
+
+def test_differences_are_paired_by_object_not_by_row() -> None:
+    """b and a in either order; c is missing in one. a: 0.4 - 0.6, b: 0.9 - 0.5; mean of -0.2 and 0.4 = 0.1."""
+    ours = [row("a", "boxes", 0.4), row("b", "curved", 0.9)]
+    theirs = [row("b", "curved", 0.5), row("a", "boxes", 0.6), row("c", "boxes", 1.0)]
+    change = difference(ours, theirs, "paper", 200, 0)
+    assert change.objects == 2
+    assert change.mean["all"]["CG"] == pytest.approx(0.1) and change.mean["boxes"]["CG"] == pytest.approx(-0.2)
+    assert change.interval95["boxes"]["CG"] == pytest.approx((-0.2, -0.2))  # of one object
+    assert change.mean["all"]["WPG"] == 0
+
+
+def test_runs_without_a_common_object_are_refused() -> None:
+    with pytest.raises(InputError, match="objects"):
+        difference([row("a", "boxes", 1)], [row("b", "boxes", 1)], "paper", 100, 0)

@@ -1,0 +1,115 @@
+"""`python -m spgf_torch.report` from the outside: every file it leaves, and the page in a real browser."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent / "reporting"))
+from report_runs import write_run
+
+ROOT = Path(__file__).parents[1]
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+PICTURES = (
+    "fig09_success_over_K fig10_prototypes fig11_objects fig12_NPG fig13_WPG reliability precision_at_n worst_objects"
+).split()
+TABLES = "table1.md table1.csv table1.tex ablations.md ablations.csv".split()
+SMALL = ["objects=1", "worst=2", "grasps=6", "precision=20", "bootstrap=200"]
+QUIET = (
+    "--headless --no-sandbox --disable-gpu --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
+    "--disable-quic --no-first-run --disable-background-networking --disable-component-update --disable-sync "
+    "--enable-logging=stderr --hide-scrollbars --window-size=1280,3600"
+).split()
+
+
+def call(*overrides: str, cwd: Path) -> subprocess.CompletedProcess:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "100", "PYTHONWARNINGS": "default"}
+    command = [sys.executable, "-m", "spgf_torch.report", *overrides]
+    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=200)
+
+
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess]:
+    """A report on a sweep of two K with a variant, an interrupted run, one of other data, and a torn model."""
+    folder = tmp_path_factory.mktemp("report")
+    runs = folder / "outputs/train"
+    write_run(runs / "2026-01-01_00-00-00.000000_a", K=3, skill=2)
+    write_run(runs / "2026-01-01_00-00-01.000000_b", K=5, skill=1, model=False)
+    write_run(runs / "2026-01-01_00-00-02.000000_c", K=3, skill=0, model=False, folds=2)
+    write_run(runs / "2026-01-01_00-00-00.500000_d", K=10, model=False, dataset="other")
+    write_run(runs / "2026-01-01_00-00-03.000000_e", K=3, model=False)
+    (runs / "2026-01-01_00-00-03.000000_e/results.json").unlink()
+    return folder / "outputs/report/latest", call(*SMALL, cwd=folder)
+
+
+def test_every_file_is_there_and_nothing_half_written(
+    reported: tuple[Path, subprocess.CompletedProcess],
+) -> None:
+    folder, done = reported
+    assert done.returncode == 0, done.stderr
+    expected = {"index.html", "config.yaml", *TABLES, *(f"{name}.png" for name in PICTURES)}
+    assert {path.name for path in folder.iterdir()} == expected
+    for name in PICTURES:
+        assert (folder / f"{name}.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert "folds = 2 (3)" in (folder / "ablations.md").read_text()
+    assert "K = 5, paper" in done.stdout and "index.html" in done.stdout
+    told = [line for line in done.stderr.splitlines() if line.startswith("report:")]
+    assert len(told) == 2 and "interrupted" in told[0] and "other objects" in told[1]
+    assert "Warning" not in done.stderr, done.stderr
+
+
+def test_the_page_needs_nothing_else(reported: tuple[Path, subprocess.CompletedProcess]) -> None:
+    text = (reported[0] / "index.html").read_text()
+    assert len(text.encode()) <= 15e6
+    assert text.count("plotly.js v") == 1  # the banner of the library
+    own = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)  # plotly.js itself has addresses, unused
+    assert not re.search(r"""(src|href)=["']?(https?:)?//|url\(["']?(https?:)?//|@import""", own)
+    assert own.count('class="view"') == 5 and "wall 1" in own and "interrupted" in own
+    assert {"summary", "table1", "choice", "fig9", "fig10", "worst", "ablations"} <= set(re.findall(r'id="(\w+)"', own))
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no chromium, chromium-browser or google-chrome here")
+def test_a_browser_opens_the_page_without_errors(
+    reported: tuple[Path, subprocess.CompletedProcess], tmp_path: Path
+) -> None:
+    """No virtual time: with WebGL drawn in software Chromium's clock now and then stands still for ever."""
+    assert BROWSER is not None
+    picture, page = tmp_path / "page.png", (reported[0] / "index.html").resolve()
+    command = [BROWSER, *QUIET, f"--user-data-dir={tmp_path / 'new'}", "--timeout=5000", f"--screenshot={picture}"]
+    done = subprocess.run([*command, page.as_uri()], capture_output=True, text=True, timeout=100)
+    assert picture.stat().st_size > 50_000, done.stderr
+    console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    wrong = [line for line in console if "Error" in line or "Uncaught" in line or ":ERROR:" in line or "ERR_" in line]
+    assert not wrong and "WebGL is not supported" not in done.stderr
+    assert any("WebGL" in line or "Canvas2D" in line for line in console) or _colours(picture) > 1000
+
+
+def _colours(picture: Path) -> int:
+    from PIL import Image
+
+    return len(Image.open(picture).convert("RGB").getcolors(2**24) or [])
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"), [(["runs=nowhere"], ["runs", "nowhere"]), (["worst=0"], ["worst", "1 to 100", "got 0"])]
+)
+def test_unusable_input_is_one_line(overrides: list[str], words: list[str], tmp_path: Path) -> None:
+    done = call(*overrides, cwd=tmp_path)
+    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert all(word in done.stderr for word in words)
+    assert not list(tmp_path.glob("outputs/report/*"))
+
+
+def test_a_torn_model_and_torn_predictions_leave_their_figures_out(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "run", K=3)
+    (run / "model.safetensors").write_bytes(b"torn")
+    (run / "predictions.parquet").write_bytes(b"torn")
+    done = call(f"runs={run}", *SMALL, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    left = {path.name for path in (tmp_path / "outputs/report/latest").iterdir()}
+    assert "index.html" in left and "fig10_prototypes.png" not in left and "reliability.png" not in left
+    assert "model.safetensors" in done.stderr and "predictions.parquet" in done.stderr
