@@ -120,7 +120,7 @@ def turning(view: View) -> str:
         f'<button data-step="1" aria-label="next">&#9654;</button>{eyes}'
         '<button data-zoom="0.8" aria-label="nearer">+</button>'
         '<button data-zoom="1.25" aria-label="farther">&minus;</button>'
-        '<span class="hint">drag to turn, point at a thing to read about it</span></div>'
+        '<span class="hint">drag to turn, point to read</span></div>'
         f'<div class="plot"></div><script type="application/json">{content}</script></div>'
     )
 
