@@ -1,0 +1,54 @@
+"""Few that stand for many: features spread over a surface, and poses merged by non-maximum suppression in SE(3).
+
+Both look at distances alone, so moved input gives the same choice; neither depends on the order of its input but for
+equals.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from spgf_torch.geometry import se3
+from spgf_torch.sensing.texlets import independent_set
+
+
+def spread_order(T_object_feature: Tensor, count: int, normal_weight: float) -> Tensor:
+    """Features (F, 4, 4) so that every beginning of the order is spread over the surface: (<= count,) int64.
+
+    Farthest-point sampling from the feature farthest from the mean; normals (z axes) that differ by a vector d are
+    `normal_weight * |d|` metres apart, so that both sides of a thin wall take part.
+    """
+    point = torch.cat([se3.position_of(T_object_feature), normal_weight * T_object_feature[:, :3, 2]], dim=1)
+    order = torch.zeros(min(count, len(point)), dtype=torch.int64, device=point.device)
+    distance = (point - point.mean(0)).square().sum(1)
+    for i in range(len(order)):
+        order[i] = distance.argmax()
+        apart = (point - point[order[i]]).square().sum(1)
+        distance = apart if i == 0 else torch.minimum(distance, apart)
+    return order
+
+
+def suppress(T: Tensor, group: Tensor, score: Tensor, distance: float, angle_deg: float) -> Tensor:
+    """Non-maximum suppression: indices (<= G,) int64 of the poses (G, 4, 4) that stay, highest score (G,) first.
+
+    A pose goes where one of a higher score that stays, of its own group (G,) int64, lies within `distance` (m) and
+    `angle_deg` of it. The angle is the smaller of two: a two-finger hand turned half round its approach axis makes
+    the same grasp. Of equal scores the first counts as higher.
+    """
+    order = torch.argsort(score, descending=True, stable=True)
+    alike = same_grasp(T[order], distance, angle_deg) & (group[order].unsqueeze(1) == group[order])
+    pairs = alike.triu(diagonal=1).nonzero().cpu().numpy()
+    return order[torch.from_numpy(independent_set(pairs, len(order))).to(order.device)]
+
+
+def same_grasp(T: Tensor, distance: float, angle_deg: float) -> Tensor:
+    """(G, G) bool: which of the poses (G, 4, 4) lie within `distance` (m) and `angle_deg`, half a turn or none apart."""
+    position, quaternion = se3.position_of(T), se3.quaternion_of(T)
+    w, x, y, z = quaternion.unbind(1)
+    turned = torch.stack([-z, y, -x, w], dim=1)  # quaternion * (0, 0, 0, 1): half a turn about the approach axis
+    cosine = torch.maximum((quaternion @ quaternion.T).abs(), (quaternion @ turned.T).abs())
+    apart = torch.cdist(position, position, compute_mode="donot_use_mm_for_euclid_dist")
+    return (apart <= distance) & (cosine >= math.cos(math.radians(angle_deg) / 2))
