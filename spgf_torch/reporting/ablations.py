@@ -116,5 +116,10 @@ def _change(ablation: Ablation, ranking: str, name: str) -> str:
     change = ablation.differences.get(ranking)
     if change is None or name not in change.mean:
         return "-"
-    low, high = change.interval95[name]["CG"]
-    return f"{100 * change.mean[name]['CG']:+.1f} ({100 * low:+.0f} to {100 * high:+.0f})"
+    mean, (low, high) = change.mean[name]["CG"], change.interval95[name]["CG"]
+    return f"{_points(mean, 1)} ({_points(low, 0)} to {_points(high, 0)})"
+
+
+def _points(fraction: float, digits: int) -> str:
+    """Percentage points with their sign; what rounds to nothing is +0."""
+    return f"{round(100 * fraction, digits) + 0.0:+.{digits}f}"

@@ -58,7 +58,7 @@ def headline(context: Context) -> Part:
 def table_part(context: Context, groups: list[Group]) -> Part:
     """Table 1, and the same as files."""
     n = context.shown.N
-    title = f"Success-rate (%) of the {n} highest-ranked grasps on novel objects; small: 95 % interval over objects."
+    title = f"Success-rate (%) of the {n} highest-ranked grasps on novel objects, with 95 % intervals over objects."
     words = caption(
         f"Rates in percent of the {n} highest-ranked grasps; the small numbers are 95 % intervals (bootstrap over "
         "objects). Grey rows are the paper's, from its own objects and simulator: not the same data. <i>Random</i> "

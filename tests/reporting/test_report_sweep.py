@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from spgf_torch.config import InputError
+from spgf_torch.reporting.ablations import _points
 from spgf_torch.reporting.runs import ObjectRow, Run
 from spgf_torch.reporting.sweep import difference, find_sweep
 
@@ -79,3 +80,10 @@ def test_differences_are_paired_by_object_not_by_row() -> None:
 def test_runs_without_a_common_object_are_refused() -> None:
     with pytest.raises(InputError, match="objects"):
         difference([row("a", "boxes", 1)], [row("b", "boxes", 1)], "paper", 100, 0)
+
+
+@pytest.mark.parametrize(
+    ("fraction", "digits", "words"), [(-0.0002, 1, "+0.0"), (-0.2, 0, "-20"), (0.0051, 1, "+0.5"), (-0.004, 0, "+0")]
+)
+def test_points_have_a_sign_and_no_negative_zero(fraction: float, digits: int, words: str) -> None:
+    assert _points(fraction, digits) == words
