@@ -27,7 +27,9 @@ class Example:
     success: Tensor
 
     def of_grasps(self, chosen: Tensor) -> Example:
-        """With the grasps `chosen` (C,) int64 alone."""
+        """With the grasps `chosen` (C,) int64, ascending, alone."""
+        if len(chosen) == len(self.success):
+            return self
         return Example(self.described.of_grasps(chosen), self.success[chosen])
 
     def sample(self, count: int, generator: torch.Generator) -> Tensor:
