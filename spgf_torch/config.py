@@ -74,6 +74,36 @@ class SensingConfig:
 
 
 @dataclass
+class SceneConfig:
+    """People's own data: the input files and how they become texlets (lengths here in metres, whatever `unit` says)."""
+
+    input: Any = text()
+    unit: str = choice("m", "mm")
+    min_extent: float = bounded(0.0001, 1.0)
+    max_extent: float = bounded(0.1, 1000.0)
+    max_points: int = bounded(1, 1_000_000_000)
+    viewpoints: Any = text()
+    intrinsics: Any = text()
+    poses: Any = text()
+    mask: Any = text()
+    depth_scale: float = bounded(1e-6, 1.0)
+    stride: int | None = text()
+    mesh: str = choice("sensed", "whole")
+    mesh_pitch: float = bounded(0.0005, 0.01)
+    crop_low: Any = text()
+    crop_high: Any = text()
+    voxel: float = bounded(0.0005, 0.05)
+    table: Any = text()
+    table_distance: float = bounded(0.0005, 0.05)
+    table_share: float = bounded(0.01, 1.0)
+    table_width: float = bounded(0.01, 10.0)
+    table_hypotheses: int = bounded(10, 100_000)
+    neighbours: int = bounded(5, 200)
+    normal_radius: float = bounded(0.001, 0.1)
+    min_neighbours: int = bounded(3, 200)
+
+
+@dataclass
 class FeatureConfig:
     """The Sliced Pineapple Grid Feature (paper, section 3.1)."""
 
@@ -288,6 +318,7 @@ class ReportConfig:
 # Where each room's default values stand, below conf/.
 DEFAULTS: dict[type, str] = {
     SensingConfig: "sensing/four_cameras.yaml",
+    SceneConfig: "scene/tabletop.yaml",
     FeatureConfig: "features/spgf.yaml",
     PrototypeConfig: "prototypes/minibatch.yaml",
     AffordanceConfig: "affordance/lattice.yaml",

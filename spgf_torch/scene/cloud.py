@@ -1,0 +1,142 @@
+"""A point cloud with or without normals, what it must satisfy, and its thinning by voxels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from spgf_torch.config import InputError
+
+# Normals of a file may be rounded; longer or shorter by more, the columns are something else, such as colours.
+_LENGTH_TOLERANCE = 0.1
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Points of a surface.
+
+    Attributes:
+        points: (N, 3) float64, m once the unit has been applied.
+        normals: (N, 3) float64, unit, out of the surface; None: not known.
+        viewpoints: (V, 3) float64, where it was seen from, same frame; None: not known.
+    """
+
+    points: np.ndarray
+    normals: np.ndarray | None = None
+    viewpoints: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def select(self, which: np.ndarray) -> Cloud:
+        """The points that a mask or index (N,) names."""
+        return replace(self, points=self.points[which], normals=None if self.normals is None else self.normals[which])
+
+    def scaled(self, factor: float) -> Cloud:
+        """Points and viewpoints times `factor`."""
+        viewpoints = None if self.viewpoints is None else self.viewpoints * factor
+        return replace(self, points=self.points * factor, viewpoints=viewpoints)
+
+
+def existing(path: Path) -> Path:
+    """`path`, if it is a file that holds something; InputError otherwise."""
+    if path.is_dir():
+        raise InputError(f"{path}: expected a file, got a folder")
+    if not path.is_file():
+        raise InputError(f"{path}: expected a file, got nothing there")
+    if not path.stat().st_size:
+        raise InputError(f"{path}: expected data, got an empty file")
+    return path
+
+
+def check_count(path: Path, count: int, limit: int) -> None:
+    """InputError for no points or for more than `limit`."""
+    if count == 0:
+        raise InputError(f"{path}: expected points, got none")
+    if count > limit:
+        raise InputError(f"{path}: expected at most {limit} points (max_points), got {count}; thin them first")
+
+
+def checked(path: Path, cloud: Cloud, organised: bool) -> Cloud:
+    """The cloud's usable points, with normals of length 1.
+
+    Args:
+        path: named in errors.
+        organised: the points are pixels of an image, where NaN and (0, 0, 0) say that nothing was measured: dropped.
+
+    Raises:
+        InputError: no points, NaN (not organised), infinity, normals of length 0 or not of length 1.
+    """
+    columns = [cloud.points] if cloud.normals is None else [cloud.points, cloud.normals]
+    if organised:
+        measured = ~np.any([np.isnan(c).any(axis=1) for c in columns], axis=0) & (cloud.points != 0).any(axis=1)
+        if not measured.any():
+            raise InputError(f"{path}: expected points, got none: all {len(cloud)} pixels are NaN or zero")
+        cloud = cloud.select(measured)
+    if not len(cloud):
+        raise InputError(f"{path}: expected points, got none")
+    for what, values in (("points", cloud.points), ("normals", cloud.normals), ("viewpoints", cloud.viewpoints)):
+        bad = 0 if values is None else int((~np.isfinite(values)).any(axis=1).sum())
+        if bad:
+            raise InputError(f"{path}: expected finite {what}, got {bad} with NaN or infinity; remove them first")
+    return cloud if cloud.normals is None else replace(cloud, normals=_unit(path, cloud.normals))
+
+
+def _unit(path: Path, normals: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    zero = int((length == 0).sum())
+    if zero:
+        raise InputError(f"{path}: expected normals of length 1, got {zero} of {len(normals)} with length 0")
+    if np.abs(length - 1).max() > _LENGTH_TOLERANCE:
+        raise InputError(
+            f"{path}: expected normals of length 1, got lengths of {length.min():.3g} to {length.max():.3g} "
+            "(colours? then give x y z alone)"
+        )
+    return normals / length
+
+
+def voxel_means(cloud: Cloud, voxel: float) -> Cloud:
+    """One point a cell of a cubic grid: the mean of those in it, in order of their first.
+
+    With normals, points whose normals' longest components differ in axis or sign stay apart: the sides of a thin wall
+    that fall into one cell are not averaged.
+
+    Args:
+        voxel: side of a cell, m.
+    """
+    cell = np.floor((cloud.points - cloud.points.min(axis=0)) / voxel).astype(np.int64)
+    size = cell.max(axis=0) + 1
+    key = (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]
+    if cloud.normals is not None:
+        axis = np.abs(cloud.normals).argmax(axis=1)
+        key = key * 6 + axis * 2 + (cloud.normals[np.arange(len(axis)), axis] > 0)
+    _, first, home = np.unique(key, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    home = rank[home]
+    points = _means(cloud.points, home, len(first))
+    if cloud.normals is None:
+        return replace(cloud, points=points)
+    normals = _means(cloud.normals, home, len(first))
+    return replace(cloud, points=points, normals=normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+
+def _means(values: np.ndarray, home: np.ndarray, count: int) -> np.ndarray:
+    members = np.bincount(home, minlength=count)
+    return np.stack([np.bincount(home, weights=column, minlength=count) / members for column in values.T], axis=1)
+
+
+def vectors(name: str, values: object, shape: Sequence[int | None]) -> np.ndarray:
+    """A setting as a float64 array of `shape` (None: any length); InputError that names it otherwise."""
+    words = " x ".join("any number" if n is None else str(n) for n in shape)
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: expected {words} numbers, got {values!r}") from None
+    fits = array.ndim == len(shape) and all(n is None or n == m for n, m in zip(shape, array.shape, strict=True))
+    if not fits or not np.isfinite(array).all():
+        raise InputError(f"{name}: expected {words} finite numbers, got {values!r}")
+    return array

@@ -1,0 +1,189 @@
+"""Normals of a point cloud: estimated from neighbours, turned to the viewpoints, and checked where they are given.
+
+Estimated as in sensing/planes.py: the direction of least variance (PCA) of the points around each.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from spgf_torch.config import InputError, SceneConfig
+from spgf_torch.scene.cloud import Cloud
+from spgf_torch.sensing.planes import smallest_eigenvectors
+
+# Points whose neighbours are looked at together: bounds the memory.
+_CHUNK = 1 << 16
+_ROW, _COLUMN = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
+# Of an even grid, the fourth neighbour is as far as the first.
+_PITCH_NEIGHBOUR = 4
+# Side of a cell of the image from a viewpoint, in median distances of neighbouring points: no holes in a surface.
+_CELL = 2.0
+# A view that sees a point head-on is preferred to a grazing one by this much of the cloud's pitch.
+_FACING = 0.25
+# A point further behind the front than this much of a cell is hidden.
+_HIDDEN = 0.5
+# Mean of n . u over extreme points of a closed surface: about 0.8 outwards, 0 for a plane or a single view's half.
+_INWARDS = -0.3
+_DIRECTIONS = 200
+# A camera's field of view is below 180 deg: no more of its points than this lie beside or behind it.
+_BEHIND = 0.01
+
+
+def oriented(cloud: Cloud, name: str, config: SceneConfig) -> Cloud:
+    """The cloud without its outliers and with normals out of the surface.
+
+    A point with fewer than `config.min_neighbours` others within `config.normal_radius` is an outlier. Given normals
+    are checked, missing ones estimated and turned to the viewpoint that sees each point best.
+
+    Args:
+        cloud: m.
+        name: for errors.
+
+    Raises:
+        InputError: neither normals nor viewpoints, a viewpoint among the points, points too far apart for normals,
+            given normals that mostly point inwards.
+    """
+    if cloud.normals is None and cloud.viewpoints is None:
+        raise InputError(
+            f"{name}: expected normals or a viewpoint that tells their side, got neither; give viewpoints=[[x,y,z],...]"
+        )
+    normals, count, pitch = principal_normals(cloud.points, config.neighbours, config.normal_radius)
+    kept = count >= config.min_neighbours
+    if 2 * kept.sum() < len(kept):
+        raise InputError(
+            f"{name}: expected {config.min_neighbours} neighbours within normal_radius={config.normal_radius:g} m of most "
+            f"points, got {1 - kept.mean():.0%} with fewer; give a larger normal_radius"
+        )
+    if cloud.normals is None:
+        cloud = Cloud(cloud.points, normals, cloud.viewpoints).select(kept)
+        assert cloud.viewpoints is not None and cloud.normals is not None
+        _check_outside(cloud.points, cloud.viewpoints, name)
+        towards, _ = facing(cloud.points, cloud.normals, cloud.viewpoints, pitch)
+        return Cloud(cloud.points, towards, cloud.viewpoints)
+    cloud = cloud.select(kept)
+    _check_outwards(cloud, pitch, name)
+    return cloud
+
+
+def principal_normals(points: np.ndarray, neighbours: int, radius: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Direction of least variance around every point.
+
+    Args:
+        points: (N, 3) m.
+        neighbours: nearest points that count, the point itself included.
+        radius: m; points further away do not count.
+
+    Returns:
+        normals: (N, 3) unit, of either sign; arbitrary where fewer than three points count.
+        count: (N,) other points that count.
+        pitch: median distance of neighbouring points, m; at most `radius`.
+    """
+    tree, columns = cKDTree(points), np.ascontiguousarray(points.T)
+    normals, counts, nearest = [], [], []
+    for start in range(0, len(points), _CHUNK):
+        here = points[start : start + _CHUNK]
+        distance, index = tree.query(here, neighbours, distance_upper_bound=radius)
+        near = np.isfinite(distance)
+        index[~near] = np.broadcast_to(np.arange(start, start + len(here))[:, None], index.shape)[~near]
+        offset = [axis[index] - axis[start : start + len(here), None] for axis in columns]  # 0 where not near
+        size = near.sum(axis=1)
+        mean = np.stack([x.sum(axis=1) for x in offset]) / size
+        second = np.stack([np.einsum("nk,nk->n", offset[i], offset[j]) for i, j in zip(_ROW, _COLUMN, strict=True)])
+        normals.append(smallest_eigenvectors(second / size - mean[_ROW] * mean[_COLUMN]))
+        counts.append(size - 1)
+        nearest.append(np.minimum(distance[:, _PITCH_NEIGHBOUR], radius))
+    return np.concatenate(normals), np.concatenate(counts), float(np.median(np.concatenate(nearest)))
+
+
+def facing(
+    points: np.ndarray, normals: np.ndarray, viewpoints: np.ndarray, pitch: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Normals turned to the viewpoint that sees each point best.
+
+    The cloud is drawn into an image around each viewpoint, in cells of a few points. How far the nearest point of its
+    cell lies before a point's tangent plane says how hidden the point is from there: 0 on the surface in front, the
+    thickness of the wall on the surface behind. The viewpoint with the least of it is taken, the one that looks more
+    head-on where two are alike.
+
+    Args:
+        points: (N, 3) m.
+        normals: (N, 3) unit, of either sign.
+        viewpoints: (V, 3) m.
+        pitch: distance of neighbouring points, m.
+
+    Returns:
+        normals: (N, 3).
+        hidden: (N,) m that the surface in front lies before the point's own, from the best viewpoint.
+    """
+    best, least, hidden = normals.copy(), np.full(len(points), np.inf), np.zeros(len(points))
+    for viewpoint in viewpoints:
+        ray = viewpoint - points
+        distance = np.linalg.norm(ray, axis=1)
+        cosine = (normals * ray).sum(axis=1) / np.maximum(distance, 1e-12)
+        turned = normals * np.where(cosine < 0, -1.0, 1.0)[:, None]
+        front = _front(-ray, distance, _CELL * pitch / np.median(distance))
+        before = np.maximum((turned * (points[front] - points)).sum(axis=1), 0.0)
+        cost = before - _FACING * pitch * np.abs(cosine)
+        better = cost < least
+        best[better], least[better], hidden[better] = turned[better], cost[better], before[better]
+    return best, hidden
+
+
+def _front(ray: np.ndarray, distance: np.ndarray, cell: float) -> np.ndarray:
+    """(N,) index of the nearest point in each point's cell of an image on a cube around the viewpoint.
+
+    Args:
+        ray: (N, 3) from the viewpoint to the points.
+        distance: (N,) lengths of the rays.
+        cell: side, as the tangent of an angle.
+    """
+    axis = np.abs(ray).argmax(axis=1)
+    along = np.maximum(np.abs(ray).max(axis=1), 1e-12)
+    row = np.arange(len(ray))
+    side = axis * 2 + (ray[row, axis] > 0)
+    cells = int(np.ceil(2.0 / cell)) + 1
+    u, v = (np.floor((ray[row, (axis + k) % 3] / along + 1.0) / cell).astype(np.int64) for k in (1, 2))
+    _, home = np.unique((side * cells + u) * cells + v, return_inverse=True)
+    order = np.lexsort((distance, home))
+    first = order[np.unique(home[order], return_index=True)[1]]
+    return first[home]
+
+
+def _check_outside(points: np.ndarray, viewpoints: np.ndarray, name: str) -> None:
+    for viewpoint in viewpoints:
+        ray = points - viewpoint
+        behind = float((ray @ ray.mean(axis=0) <= 0).mean())
+        if behind > _BEHIND:
+            where = ", ".join(f"{x:.4g}" for x in viewpoint)
+            raise InputError(
+                f"{name}: expected the viewpoint outside of the points, got ({where}) m with {behind:.0%} of them beside or "
+                "behind it; give viewpoints, crop_low and crop_high, or a cloud with normals"
+            )
+
+
+def _check_outwards(cloud: Cloud, pitch: float, name: str) -> None:
+    """Given normals must mostly point to the viewpoints of what these see; without viewpoints, out of the whole."""
+    assert cloud.normals is not None
+    if cloud.viewpoints is not None:
+        turned, hidden = facing(cloud.points, cloud.normals, cloud.viewpoints, pitch)
+        seen = hidden < _HIDDEN * _CELL * pitch
+        away = float(((turned * cloud.normals).sum(axis=1) < 0)[seen].mean())
+        if away > 0.5:
+            raise InputError(f"{name}: expected normals towards the viewpoints, got {away:.0%} that point away; flip them")
+        return
+    if outwardness(cloud.points, cloud.normals) < _INWARDS:
+        raise InputError(
+            f"{name}: expected normals out of the surface, got most of the outermost ones pointing inwards; flip them, "
+            "or give viewpoints=[[x,y,z],...] if this is the inside of something"
+        )
+
+
+def outwardness(points: np.ndarray, normals: np.ndarray) -> float:
+    """Mean of n . u over directions u spread evenly on the sphere, n the normal of the outermost point along u."""
+    i = np.arange(_DIRECTIONS)
+    z = 1 - (2 * i + 1) / _DIRECTIONS
+    turn = np.pi * (3 - np.sqrt(5)) * i  # golden angle
+    directions = np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1)
+    outermost = np.array([(points @ u).argmax() for u in directions])
+    return float((normals[outermost] * directions).sum(axis=1).mean())
