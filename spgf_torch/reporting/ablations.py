@@ -6,7 +6,7 @@ import csv
 import html
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from spgf_torch.config import InputError
 from spgf_torch.evaluation.success import TYPES
@@ -52,6 +52,27 @@ def ablations(
                 f"{variant.run.folder.name}: no rates by the ranking {', '.join(lacking)}; left out of those ablations"
             )
         found.append(Ablation(variant, differences))
+    return found
+
+
+def ranked_otherwise(
+    run: Run, ranking: str, others: Sequence[str], resamples: int, seed: int, tell: Tell
+) -> list[Ablation]:
+    """The same run ranked in other ways, against `ranking`: with and without sensed collisions last, among others."""
+    try:
+        rows = read_per_object(run)
+    except InputError as error:
+        tell(f"left out of the ablations: {error}")
+        return []
+    found = []
+    for other in others:
+        if other != ranking and other in run.by_ranking and ranking in run.by_ranking:
+            instead = [replace(row, rates={ranking: row.rates[other]}) for row in rows]
+            change = difference(instead, rows, ranking, resamples, seed)
+            variant = Variant(
+                replace(run, by_ranking={ranking: run.by_ranking[other]}), run, {"ranking": (other, ranking)}
+            )
+            found.append(Ablation(variant, {ranking: change}))
     return found
 
 

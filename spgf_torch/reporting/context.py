@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from spgf_torch.config import InputError, ReportConfig
 from spgf_torch.reporting.page import Section
 from spgf_torch.reporting.runs import Run, Tell
-from spgf_torch.reporting.sweep import Sweep
+from spgf_torch.reporting.sweep import NOMINAL_K, Sweep
 
 
 @dataclass(frozen=True)
@@ -72,4 +72,5 @@ def _shown(config: ReportConfig, sweep: Sweep, ranking: str) -> Run:
             raise InputError(f"show: expected one of K = {', '.join(str(r.K) for r in sweep.runs)}; got {config.show}")
         return run
     modelled = tuple(run for run in sweep.runs if run.has_model and ranking in run.by_ranking)
-    return best_run(modelled or sweep.runs, ranking)
+    nominal = sweep.of(NOMINAL_K)
+    return nominal if nominal in modelled and nominal else best_run(modelled or sweep.runs, ranking)

@@ -6,7 +6,7 @@ import html
 
 from spgf_torch.config import CLASSES, GRASP_TYPES
 from spgf_torch.evaluation import paper
-from spgf_torch.reporting.ablations import ablation_csv, ablation_markdown, ablation_page, ablations
+from spgf_torch.reporting.ablations import ablation_csv, ablation_markdown, ablation_page, ablations, ranked_otherwise
 from spgf_torch.reporting.charts import success_over_k
 from spgf_torch.reporting.context import Context, Part, best_run
 from spgf_torch.reporting.page import Section, caption, chart, drawn, png, table
@@ -115,11 +115,15 @@ def ablation_part(context: Context) -> Part | None:
     second = SECOND if SECOND in context.rankings and context.ranking != SECOND else None
     rankings = [context.ranking, *([second] if second else [])]
     config = context.config
-    found = ablations(context.sweep.variants, rankings, config.bootstrap, config.seed, context.tell)
+    draws = (config.bootstrap, config.seed, context.tell)
+    found = ranked_otherwise(context.shown, context.ranking, context.rankings, *draws)
+    found += ablations(context.sweep.variants, rankings, *draws)
     if not found:
         return None
     words = caption(
-        "Each row is a run that differs from the sweep in what stands first (in brackets: the sweep's value). "
+        "Each row is a run that differs from the sweep in what stands first (in brackets: the sweep's value), or the "
+        "shown run ranked in another way: <code>log_odds_free</code> is <code>log_odds</code> with the grasps at which "
+        "a sensed point lies inside the open hand put last. "
         f"<i>Change</i> is its CG by the ranking <code>{html.escape(context.ranking)}</code> minus that of the run "
         "with the same K, paired over the same objects, in percentage points with the 95 % interval over objects: "
         "an interval without 0 is a difference that other objects would be expected to show, too. Files: "
