@@ -33,7 +33,7 @@ def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
     """
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # let errors reach us: Hydra's own report spans many lines
     OmegaConf.register_new_resolver("slug", slug, replace=True)
-    sys.argv[1:] = sorted(sys.argv[1:], key=_is_override)  # argparse wants all of them together
+    sys.argv[1:] = sorted(map(with_paths_quoted, sys.argv[1:]), key=_is_override)  # argparse wants all together
     refused: list[InputError] = []
     multirun = Multirun.of(command)
 
@@ -83,6 +83,12 @@ def slug(overrides: str) -> str:
     """What varies in a run as part of a folder's name: `K=20,seed=1` stays, slashes and blanks become `-`."""
     kept = "".join(c if c.isalnum() or c in "=.,+-_" else "-" for c in overrides)
     return ("_" + kept.lstrip("+-.")[:80]) if kept else ""
+
+
+def with_paths_quoted(argument: str) -> str:
+    """`model=outputs/train/..._K=20` with quotes around the path, if it is one: Hydra reads only one `=`."""
+    key, _, value = argument.partition("=")
+    return f"{key}='{value}'" if "=" in value and Path(value).exists() else argument
 
 
 def _is_override(argument: str) -> bool:
