@@ -59,6 +59,9 @@ def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
         if "srun" not in str(error):
             raise
         fail(command, error)  # submitit's own words where there is no Slurm
+    except BrokenPipeError:  # `... | head` has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
     except KeyboardInterrupt:
         console.print(f"{command}: interrupted")
         sys.exit(130)
