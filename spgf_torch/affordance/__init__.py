@@ -1,6 +1,7 @@
 """Grasp affordances (paper, section 3.4): shape-grasp particles, their neighbourhood analysis and the votes.
 
-`particles` ties features to grasps; `lattice` divides SE(3) into cells; `neighbourhood` gives populated cells
-their probability and support and condenses them; `voting` lets a novel object's features vote on its
-candidate grasps; `ranking` orders the candidates; `model` is what `train` saves and `evaluate` loads.
+`pairs` and `particles` tie features to grasps; `lattice` divides SE(3) into cells; `neighbourhood` gives
+populated cells their probability and support and condenses them; `voting` lets a novel object's features vote
+on its candidate grasps; `ranking` orders the candidates, `calibration` gives them probabilities; `model` is
+what `train` saves and `evaluate` loads.
 """

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from spgf_torch.config import CLASSES, TrainConfig
+from spgf_torch.evaluation.results import chosen_words
 from spgf_torch.evaluation.success import TYPES
 
 USE = """\
@@ -32,26 +33,27 @@ def model_card(results: Mapping[str, Any], config: TrainConfig, objects: int, tr
         size: bytes of `model.safetensors`.
     """
     affordance, sensing = config.affordance, config.sensing
-    chosen = ", ".join(f"fold {fold}: `{name}`" for fold, name in results["chosen"].items())
     return f"""\
 # Grasp model, {config.hand.name}, K = {config.K}
 
 Written by `python -m spgf_torch.train` from the run beside it; every setting is in `config.yaml`.
 
 ## Data
-{objects} objects (`{config.objects}`), {trials} simulated trials (`{config.trials}`), dataset
-`{results["dataset"][:16]}`. {sensing.cameras} simulated depth camera(s) at {sensing.distance:g} m with noise, seed
+{objects} objects (`{config.objects}`), {trials:,} simulated trials (`{config.trials}`), dataset
+`{results["dataset"][:16]}`. {sensing.cameras} simulated depth camera(s) at {sensing.distance:g} m with noise; seed
 {config.seed}.
 
 ## Settings
-{config.K} prototypes of {config.features.radius:g} m Sliced Pineapple Grid Features; shape-grasp particles within
-{affordance.reach:g} m, neighbourhoods of {affordance.kernel:g} m and {affordance.kernel_deg:g} deg, points with a
-support of at least {affordance.min_support:g}. The model file holds {size / 1e6:.0f} MB.
+{config.K} prototypes of Sliced Pineapple Grid Features of {1000 * config.features.radius:g} mm radius; shape-grasp
+particles within {1000 * affordance.reach:g} mm, neighbourhoods of {1000 * affordance.kernel:g} mm and
+{affordance.kernel_deg:g} deg, points with a support of at least {affordance.min_support:g}. The model file has
+{size / 1e6:.0f} MB.
 
 ## Results on novel objects
 {config.folds}-fold cross-validation over objects: success-rate (%) of the {config.N} highest-ranked grasps, with its
-95 % interval over objects, by the ranking that was chosen inside the training folds ({chosen}). CG: both types in one
-ranking. The model in this folder learned from all objects; these rates are of its siblings in the folds.
+95 % interval over objects. CG: both types in one ranking. The ranking was chosen inside the training folds:
+{chosen_words(results["chosen"])}. The model in this folder learned from all objects; these rates are of its siblings
+in the folds.
 
 {_rates(results)}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from rich.table import Table
 
 from spgf_torch.config import CLASSES, GRASP_TYPES
 from spgf_torch.evaluation import paper
+from spgf_torch.evaluation.results import chosen_words
 from spgf_torch.evaluation.success import TYPES, class_means, random_rate
 
 SHORT = {"containers": "cont"}  # as in the paper's Table 1: the table fits 80 columns
@@ -60,9 +60,7 @@ def results_table(results: Mapping[str, Any], rankings: Sequence[str] = ("paper"
 
 def chosen_line(results: Mapping[str, Any]) -> str:
     """Which ranking the training folds chose, in a line."""
-    counts = Counter(results["chosen"].values())
-    told = ", ".join(f"{name} in {count} of {len(results['chosen'])} folds" for name, count in counts.most_common())
-    return f"nested: the ranking chosen inside the training folds: {told}"
+    return f"nested: the ranking chosen inside the training folds: {chosen_words(results['chosen'])}"
 
 
 def calibration_line(results: Mapping[str, Any]) -> str:

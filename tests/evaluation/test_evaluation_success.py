@@ -180,7 +180,7 @@ def test_the_model_card_says_what_was_measured(config: TrainConfig) -> None:
     card = model_card(results, config, objects=10, trials=600, size=2_000_000)
     rate = f"{100 * results['by_ranking']['nested']['all']['CG']:.1f}"
     assert rate in card and "600 simulated trials" in card and "2 MB" in card
-    assert "fold 0: `paper`" in card and "| WPG | 0.250 | 0.010 |" in card and "## Limits" in card
+    assert "log_odds in 4 of 5 folds" in card and "| WPG | 0.250 | 0.010 |" in card and "## Limits" in card
 
 
 @pytest.mark.parametrize("content", [None, "", "{", "[]", '{"schema": 2}', json.dumps({"schema": 1})])
