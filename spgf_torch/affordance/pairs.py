@@ -9,7 +9,10 @@ from torch import Tensor
 
 from spgf_torch.affordance.lattice import Lattice
 from spgf_torch.affordance.particles import Particles, Points, pairs_within
-from spgf_torch.config import AffordanceConfig
+from spgf_torch.config import AffordanceConfig, InputError
+
+# Cells of a lattice: 2 GB for the table of one slice.
+MOST_CELLS = 2**28
 
 
 @dataclass(frozen=True)
@@ -37,8 +40,14 @@ class CellPairs:
 
 
 def lattice_of(config: AffordanceConfig) -> Lattice:
-    """The lattice that the settings describe."""
-    return Lattice(config.reach, config.voxel, config.rotation_deg)
+    """The lattice that the settings describe. Raises InputError where its table would not fit into memory."""
+    lattice = Lattice(config.reach, config.voxel, config.rotation_deg)
+    if lattice.cells > MOST_CELLS:
+        raise InputError(
+            f"affordance: expected reach, voxel and rotation_deg to give at most {MOST_CELLS:,} cells, "
+            f"got {lattice.cells:,}"
+        )
+    return lattice
 
 
 def cell_pairs(

@@ -66,7 +66,7 @@ class TrainedSpace:
         left_out = [len(self.space.groups) if group is None else group for group in without]
         asked = [points_of(obj.pairs, self.ids(obj)) for obj in objects]
         sizes = [len(points.cell) for points in asked]
-        view = torch.tensor(left_out, device=self.centres.device).repeat_interleave(torch.tensor(sizes))
+        view = torch.tensor(left_out).repeat_interleave(torch.tensor(sizes)).to(self.centres.device)
         counts = analyse(self.space, Points.together(asked), view, self.lattice, self.kernel).split(sizes)
         rates = [base_rates(self.outcomes.sum(0) - (0 if g is None else self.outcomes[g])) for g in without]
         return [self._judged(*row) for row in zip(counts, asked, objects, rates, strict=True)]

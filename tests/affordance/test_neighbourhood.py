@@ -9,7 +9,7 @@ import torch
 from spgf_torch.affordance import model as affordance
 from spgf_torch.affordance.lattice import Kernel, Lattice, gaussian_kernel
 from spgf_torch.affordance.neighbourhood import Condensed, Counts, ShapeGraspSpace, analyse, condense
-from spgf_torch.affordance.pairs import CellPairs, cell_pairs
+from spgf_torch.affordance.pairs import CellPairs, cell_pairs, lattice_of
 from spgf_torch.affordance.particles import Particles, Points, pairs_within
 from spgf_torch.affordance.voting import NO_POINT, VotingIndex, cast_votes, counted_votes
 from spgf_torch.config import AffordanceConfig, InputError, settings
@@ -266,3 +266,8 @@ def test_a_model_cut_in_half_is_refused(model, tmp_path) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(InputError, match=r"model\.safetensors"):
         affordance.load_model(tmp_path)
+
+
+def test_a_lattice_too_fine_for_memory_is_refused() -> None:
+    with pytest.raises(InputError, match=r"affordance: expected reach, voxel and rotation_deg .* got [\d,]+$"):
+        lattice_of(settings(AffordanceConfig, voxel=0.002))
