@@ -22,11 +22,13 @@ class Cloud:
         points: (N, 3) float64, m once the unit has been applied.
         normals: (N, 3) float64, unit, out of the surface; None: not known.
         viewpoints: (V, 3) float64, where it was seen from, same frame; None: not known.
+        name: for errors, the file that it came from.
     """
 
     points: np.ndarray
     normals: np.ndarray | None = None
     viewpoints: np.ndarray | None = None
+    name: str = "cloud"
 
     def __len__(self) -> int:
         return len(self.points)
@@ -82,7 +84,8 @@ def checked(path: Path, cloud: Cloud, organised: bool) -> Cloud:
         bad = 0 if values is None else int((~np.isfinite(values)).any(axis=1).sum())
         if bad:
             raise InputError(f"{path}: expected finite {what}, got {bad} with NaN or infinity; remove them first")
-    return cloud if cloud.normals is None else replace(cloud, normals=_unit(path, cloud.normals))
+    normals = None if cloud.normals is None else _unit(path, cloud.normals)
+    return replace(cloud, normals=normals, name=str(path))
 
 
 def _unit(path: Path, normals: np.ndarray) -> np.ndarray:

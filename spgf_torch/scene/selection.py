@@ -1,0 +1,93 @@
+"""What of the sensed points is kept: those in the crop box and above the table, if they have the extent of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from spgf_torch.config import InputError, SceneConfig
+from spgf_torch.objects.scans import METRES
+from spgf_torch.scene.cloud import Cloud, vectors
+from spgf_torch.scene.table import find_plane, given_plane, height
+
+
+def cropped(clouds: Sequence[Cloud], config: SceneConfig) -> tuple[list[Cloud], list[str]]:
+    """What lies in the crop box, clouds with nothing in it left out; checked to have the extent of a scene in m."""
+    low = np.full(3, -np.inf) if config.crop_low is None else vectors("crop_low", config.crop_low, (3,))
+    high = np.full(3, np.inf) if config.crop_high is None else vectors("crop_high", config.crop_high, (3,))
+    if (low >= high).any():
+        raise InputError(f"crop_low: expected below crop_high {high.tolist()}, got {low.tolist()}")
+    inside = [np.all((cloud.points >= low) & (cloud.points <= high), axis=1) for cloud in clouds]
+    kept = [
+        cloud if mask.all() else cloud.select(mask) for cloud, mask in zip(clouds, inside, strict=True) if mask.any()
+    ]
+    if not kept:
+        spans = [f"{a:.4g} to {b:.4g}" for a, b in zip(*_bounds(clouds), strict=True)]
+        raise InputError(
+            f"crop_low, crop_high: expected points in the box, got none; they span x {spans[0]}, y {spans[1]}, "
+            f"z {spans[2]} m with unit={config.unit}"
+        )
+    _check_extent(kept, config)
+    before, after = sum(map(len, clouds)), sum(map(len, kept))
+    return kept, [f"crop: {after} of {before} points kept"] if after < before else []
+
+
+def _bounds(clouds: Sequence[Cloud]) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) lowest and (3,) highest corner of all points together."""
+    full = [cloud.points for cloud in clouds if len(cloud)]
+    return np.min([p.min(axis=0) for p in full], axis=0), np.max([p.max(axis=0) for p in full], axis=0)
+
+
+def _check_extent(clouds: Sequence[Cloud], config: SceneConfig) -> None:
+    low, high = _bounds(clouds)
+    extent = float((high - low).max())
+    options = f"unit={config.unit}"
+    if not config.min_extent <= extent <= config.max_extent:
+        if config.intrinsics is not None:
+            options += f" and depth_scale={config.depth_scale:g}"
+        other = {"m": "mm", "mm": "m"}[config.unit]
+        fits = config.min_extent <= extent * METRES[other] / METRES[config.unit] <= config.max_extent
+        raise InputError(
+            f"{clouds[0].name}: expected an extent of {config.min_extent:g} to {config.max_extent:g} m, got "
+            f"{extent:.4g} m with {options}; {f'unit={other} would fit' if fits else 'give crop_low and crop_high?'}"
+        )
+    for cloud in clouds:
+        away = 0.0 if cloud.viewpoints is None else np.abs(cloud.viewpoints - (low + high) / 2).max()
+        if away > config.max_extent:
+            raise InputError(
+                f"viewpoints: expected within {config.max_extent:g} m of the points, got {away:.4g} m away; settings "
+                f"are in m, the file's own in its unit ({options})"
+            )
+
+
+def without_table(
+    clouds: list[Cloud], config: SceneConfig, generator: np.random.Generator, notes: list[str]
+) -> tuple[list[Cloud], np.ndarray | None]:
+    """The clouds above the table, and its plane, as `config.table` says; adds a line to `notes`."""
+    if config.table is None:
+        return clouds, None
+    points = np.concatenate([cloud.points for cloud in clouds])
+    if config.table == "find":
+        seen_from = viewpoints_of(clouds)
+        plane = find_plane(points, None if seen_from is None else seen_from.mean(axis=0), config, generator)
+    elif isinstance(config.table, str):
+        raise InputError(f"table: expected null, find or [a,b,c,d], got {config.table}")
+    else:
+        plane = given_plane(config.table)
+    above = [cloud.select(height(cloud.points, plane) > config.table_distance) for cloud in clouds]
+    left = sum(map(len, above))
+    below = int((height(points, plane) < -config.table_distance).sum())
+    if not left:
+        raise InputError(f"table: expected points more than {config.table_distance:g} m above the plane, got none")
+    equation = ", ".join(f"{value:.4f}" for value in plane)
+    notes.append(
+        f"table ({equation}): {len(points) - left - below} points on it and {below} below removed of {len(points)}"
+    )
+    return [cloud for cloud in above if len(cloud)], plane
+
+
+def viewpoints_of(clouds: Sequence[Cloud]) -> np.ndarray | None:
+    """(V, 3) all viewpoints of the clouds, each once; None if none is known."""
+    known = [cloud.viewpoints for cloud in clouds if cloud.viewpoints is not None]
+    return np.unique(np.concatenate(known), axis=0) if known else None
