@@ -147,6 +147,35 @@ class AffordanceConfig:
 
 
 @dataclass
+class ProposingConfig:
+    """New grasps from feature pose x learned particle, without a mesh."""
+
+    points: int = bounded(1, 100_000)
+    pool: int = bounded(1, 100_000)
+    point_support: float = bounded(0.0, 1e6)
+    point_distance: float = bounded(0.0, 1.0)
+    point_deg: float = bounded(0.0, 180.0)
+    normal_weight: float = bounded(0.0, 1.0)
+    proposing_features: int = bounded(1, 1_000_000)
+    coarse_voters: int = bounded(1, 1_000_000)
+    hypotheses: int = bounded(1, 100_000)
+    coarse_points: int = bounded(1, 1_000_000)
+    merge_distance: float = bounded(0.0, 1.0)
+    merge_deg: float = bounded(0.0, 180.0)
+    survivors: int = bounded(1, 100_000)
+    refined: int = bounded(1, 100_000)
+    rounds: int = bounded(0, 100)
+    moves: int = bounded(1, 1000)
+    move: float = bounded(0.0, 0.1)
+    move_deg: float = bounded(0.0, 45.0)
+    vote_shrinkage: float = bounded(0.0, 1e6)
+    apart: float = bounded(0.0, 1.0)
+    apart_deg: float = bounded(0.0, 180.0)
+    count: int = bounded(1, 100_000)
+    plane_clearance: float = bounded(0.0, 1.0)
+
+
+@dataclass
 class FingerConfig:
     """One finger of the hand: its pad (a point of `pad_link`'s closing face, in that link's frame, m) and its joints.
 
@@ -322,6 +351,7 @@ DEFAULTS: dict[type, str] = {
     FeatureConfig: "features/spgf.yaml",
     PrototypeConfig: "prototypes/minibatch.yaml",
     AffordanceConfig: "affordance/lattice.yaml",
+    ProposingConfig: "proposing/particles.yaml",
     HandConfig: "hand/sdh2.yaml",
     SamplerConfig: "sampler/surface_pairs.yaml",
     EpisodeConfig: "episode/pinch.yaml",

@@ -45,7 +45,7 @@ def suppress(T: Tensor, group: Tensor, score: Tensor, distance: float, angle_deg
 
 
 def same_grasp(T: Tensor, distance: float, angle_deg: float) -> Tensor:
-    """(G, G) bool: which of the poses (G, 4, 4) lie within `distance` (m) and `angle_deg`, half a turn or none apart."""
+    """(G, G) bool: which poses (G, 4, 4) lie within `distance` (m) and `angle_deg`, half a turn or none apart."""
     position, quaternion = se3.position_of(T), se3.quaternion_of(T)
     w, x, y, z = quaternion.unbind(1)
     turned = torch.stack([-z, y, -x, w], dim=1)  # quaternion * (0, 0, 0, 1): half a turn about the approach axis

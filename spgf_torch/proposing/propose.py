@@ -1,0 +1,250 @@
+"""From texlets and a model to ranked grasps; no mesh is needed.
+
+1. Features spread over the surface, through the promising points of their prototypes, give hypotheses.
+2. A few voters judge all hypotheses; the best of each type that are free of points are merged in SE(3).
+3. All voters judge the survivors, by the votes that rank candidates elsewhere (`affordance.ranking`).
+4. The best move to better poses nearby as long as the score grows and the hand stays free.
+5. Non-maximum suppression leaves one of each grasp.
+
+Every step looks at relative poses only, so grasps move with their input; which cell of the lattice a relative pose
+falls into is the one thing that rounding can change.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from spgf_torch.affordance.model import GraspModel, vote
+from spgf_torch.affordance.pairs import cell_pairs
+from spgf_torch.affordance.ranking import Judged, judge
+from spgf_torch.affordance.sensed_collision import HandVolume
+from spgf_torch.affordance.voting import Votes, VotingIndex
+from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, ProposingConfig, typed
+from spgf_torch.features.spgf import Features, spgf
+from spgf_torch.geometry import se3
+from spgf_torch.proposing.clearance import Clearance, Plane
+from spgf_torch.proposing.shortlist import Shortlist, shortlist
+from spgf_torch.proposing.spreading import spread_order, suppress
+from spgf_torch.prototypes.kmeans import assign
+from spgf_torch.sensing.texlets import Texlets
+
+
+@dataclass(frozen=True)
+class Proposals:
+    """Grasps in the frame of the texlets, the best first, both types in one ranking.
+
+    Attributes:
+        T_object_tcp (G, 4, 4) f32.
+        grasp_type (G,) int64: index into `config.GRASP_TYPES`.
+        probability (G,) f32: calibrated, that the grasp succeeds.
+        score (G,) f32: mean log-odds gain of the votes, drawn towards 0 by `proposing.vote_shrinkage` votes.
+        support (G,) int64: votes.
+        voted_by: of each grasp (prototype, votes), most votes first.
+    """
+
+    T_object_tcp: Tensor
+    grasp_type: Tensor
+    probability: Tensor
+    score: Tensor
+    support: Tensor
+    voted_by: tuple[tuple[tuple[int, int], ...], ...]
+
+    def __len__(self) -> int:
+        return len(self.grasp_type)
+
+    def best(self, n: int) -> dict[str, Tensor]:
+        """The n best of each grasp type and of both together (CG): indices (<= n,) int64, best first."""
+        of_type = {kind: (self.grasp_type == code).nonzero()[:n, 0] for code, kind in enumerate(GRASP_TYPES)}
+        return {**of_type, "CG": torch.arange(min(n, len(self)), device=self.grasp_type.device)}
+
+
+@dataclass(frozen=True)
+class Voters:
+    """Features that vote, spread over the surface: T_object_feature (V, 4, 4), prototype (V,) int64."""
+
+    T_object_feature: Tensor
+    prototype: Tensor
+
+    def __len__(self) -> int:
+        return len(self.prototype)
+
+    def first(self, n: int) -> Voters:
+        """The first n, which are spread over the surface too."""
+        return Voters(self.T_object_feature[:n], self.prototype[:n])
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Poses under consideration: T (G, 4, 4), grasp_type (G,) int64, score (G,) f32."""
+
+    T: Tensor
+    grasp_type: Tensor
+    score: Tensor
+
+    def at(self, chosen: Tensor) -> Pool:
+        """Those at the indices `chosen` (C,) int64, in this order."""
+        return Pool(self.T[chosen], self.grasp_type[chosen], self.score[chosen])
+
+    def best_of_each_type(self, n: int) -> Tensor:
+        """Indices (<= 2n,) int64 of the n highest scores of each type, best first within a type."""
+        order = torch.argsort(self.score, descending=True, stable=True)
+        types = self.grasp_type[order]
+        return torch.cat([order[types == code][:n] for code in range(len(GRASP_TYPES))])
+
+
+@dataclass(frozen=True)
+class Proposer:
+    """A model made ready to propose grasps: what depends on the model alone is computed once."""
+
+    model: GraspModel
+    affordance: AffordanceConfig
+    features: FeatureConfig
+    config: ProposingConfig
+    clearance: Clearance
+
+    @staticmethod
+    def of(model: GraspModel, config: ProposingConfig, volumes: Mapping[str, HandVolume]) -> Proposer:
+        """With the settings that the model was learned with; volumes: grasp type -> the open hand."""
+        affordance = typed(AffordanceConfig, model.settings["affordance"])
+        features = typed(FeatureConfig, model.settings["features"])
+        return Proposer(model, affordance, features, config, Clearance(volumes, config.plane_clearance))
+
+    @cached_property
+    def index(self) -> VotingIndex:
+        return VotingIndex(self.model.condensed, self.model.lattice)
+
+    @cached_property
+    def shortlist(self) -> Shortlist:
+        return shortlist(self.model, self.affordance, self.config)
+
+    @cached_property
+    def moves(self) -> Tensor:
+        """(rounds, moves, 4, 4) f32: small random displacements, the same for every grasp and every object."""
+        config, generator = self.config, torch.Generator().manual_seed(0)
+        shape = (config.rounds, config.moves, 3)
+        step = 1 / torch.arange(1.0, config.rounds + 1).view(-1, 1, 1)
+        shift = config.move * step * torch.randn(shape, generator=generator)
+        turn = math.radians(config.move_deg) * step * torch.randn(shape, generator=generator)
+        quaternion = torch.cat([torch.ones(*shape[:2], 1), turn / 2], dim=-1)  # a small rotation vector's
+        return se3.pose(shift, quaternion).to(self.model.centres.device)
+
+    def propose(self, texlets: Texlets, plane: Plane | None = None) -> Proposals:
+        """Grasps for what the texlets show, the best first; none where no feature votes for any.
+
+        With a plane, no hand reaches below it.
+        """
+        device = self.model.centres.device
+        positions, normals = texlets.positions.to(device), texlets.normals.to(device)
+        features = spgf(positions, normals, self.features, torch.Generator().manual_seed(0))
+        return self.propose_from(features, positions, plane)
+
+    def propose_from(self, features: Features, points: Tensor, plane: Plane | None = None) -> Proposals:
+        """The same from features of the points (N, 3) that the hand must not touch."""
+        voters = self.voters(features)
+        pool = self.survivors(voters, points, plane)
+        for moves in self.moves:
+            pool = self.refined(pool, moves, voters, points, plane)
+        return self.proposals(pool, voters)
+
+    def voters(self, features: Features) -> Voters:
+        """The features that vote."""
+        T, relations = features.T_object_feature[features.valid], features.relations()[features.valid]
+        order = spread_order(T, self.affordance.features_per_object, self.config.normal_weight)
+        return Voters(T[order], assign(relations[order], self.model.centres))
+
+    def survivors(self, voters: Voters, points: Tensor, plane: Plane | None) -> Pool:
+        """The best hypotheses of each type, free and far from each other, judged by all voters."""
+        config, proposing = self.config, voters.first(self.config.proposing_features)
+        T, grasp_type = self.shortlist.hypotheses(proposing.T_object_feature, proposing.prototype)
+        if plane is not None:
+            above = self.clearance.free_of_plane(plane, T, grasp_type)
+            T, grasp_type = T[above], grasp_type[above]
+        pool = Pool(T, grasp_type, self.score(T, grasp_type, voters, config.coarse_voters))
+        pool = pool.at(pool.best_of_each_type(config.hypotheses))
+        few = voters.first(config.coarse_points).T_object_feature[:, :3, 3]
+        pool = pool.at(self.clearance.free_of_points(few, pool.T, pool.grasp_type).nonzero()[:, 0])
+        pool = pool.at(suppress(pool.T, pool.grasp_type, pool.score, config.merge_distance, config.merge_deg))
+        pool = pool.at(pool.best_of_each_type(config.survivors))
+        pool = pool.at(self.clearance.free_of_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])
+        return replace(pool, score=self.score(pool.T, pool.grasp_type, voters, len(voters)))
+
+    def refined(self, pool: Pool, moves: Tensor, voters: Voters, points: Tensor, plane: Plane | None) -> Pool:
+        """The best of each type, moved by the best of the moves (M, 4, 4) that scores higher and leaves them free."""
+        best = pool.best_of_each_type(self.config.refined)
+        T = (pool.T[best].unsqueeze(1) @ moves.to(pool.T.dtype)).flatten(0, 1)
+        grasp_type = pool.grasp_type[best].repeat_interleave(len(moves))
+        score = self.score(T, grasp_type, voters, len(voters))
+        better = (score > pool.score[best].repeat_interleave(len(moves))).nonzero()[:, 0]
+        free = self.clearance.free_of_points(points, T[better], grasp_type[better])
+        if plane is not None:
+            free &= self.clearance.free_of_plane(plane, T[better], grasp_type[better])
+        gained = torch.full_like(score, -math.inf)
+        gained[better[free]] = score[better[free]]
+        top = gained.view(len(best), len(moves)).max(dim=1)
+        moved = top.values > pool.score[best]
+        new_T, new_score = pool.T.clone(), pool.score.clone()
+        from_move = torch.arange(len(best), device=best.device) * len(moves) + top.indices
+        new_T[best[moved]], new_score[best[moved]] = T[from_move[moved]], top.values[moved]
+        return Pool(new_T, pool.grasp_type, new_score)
+
+    def proposals(self, pool: Pool, voters: Voters) -> Proposals:
+        """One of each grasp, the best `count` of each type, with what all voters say of them."""
+        config = self.config
+        pool = pool.at(suppress(pool.T, pool.grasp_type, pool.score, config.apart, config.apart_deg))
+        pool = pool.at(pool.best_of_each_type(config.count))
+        pool = pool.at(torch.argsort(pool.score, descending=True, stable=True))
+        votes = self.votes(pool.T, pool.grasp_type, voters)
+        judged = self.judged(votes, pool.grasp_type, self.affordance)  # the score that calibration was learned for
+        probability = self.model.calibration.probability(judged.log_odds, judged.grasp_type, judged.collides)
+        supported = (judged.votes > 0).nonzero()[:, 0]
+        voted_by = _votes_by_prototype(votes, len(pool.score))
+        return Proposals(
+            pool.T[supported].float(),
+            pool.grasp_type[supported],
+            probability[supported],
+            pool.score[supported],
+            judged.votes[supported],
+            tuple(voted_by[i] for i in supported.tolist()),
+        )
+
+    def score(self, T: Tensor, grasp_type: Tensor, voters: Voters, n: int) -> Tensor:
+        """(G,) f32 score of poses (G, 4, 4) by the first n voters; with few, fewer votes draw it towards 0."""
+        first = voters.first(n)
+        shrinkage = self.config.vote_shrinkage * len(first) / max(1, len(voters))
+        votes = self.votes(T, grasp_type, first)
+        return self.judged(votes, grasp_type, replace(self.affordance, vote_shrinkage=shrinkage)).log_odds
+
+    def votes(self, T: Tensor, grasp_type: Tensor, voters: Voters) -> Votes:
+        """What the voters say of poses (G, 4, 4)."""
+        pairs = cell_pairs(voters.T_object_feature, T, grasp_type, self.affordance)
+        return vote(self.index, pairs, voters.prototype)
+
+    def judged(self, votes: Votes, grasp_type: Tensor, affordance: AffordanceConfig) -> Judged:
+        """The votes on free grasps of types (G,), combined."""
+        free = torch.zeros_like(grasp_type, dtype=torch.bool)
+        return judge(votes, self.model.condensed.base_rate, grasp_type, free, affordance)
+
+
+def propose(
+    model: GraspModel,
+    texlets: Texlets,
+    config: ProposingConfig,
+    volumes: Mapping[str, HandVolume],
+    plane: Plane | None = None,
+) -> Proposals:
+    """Grasps for what the texlets show (`Proposer.propose`). To propose again and again, keep a `Proposer`."""
+    return Proposer.of(model, config, volumes).propose(texlets, plane)
+
+
+def _votes_by_prototype(votes: Votes, grasps: int) -> list[tuple[tuple[int, int], ...]]:
+    counted: list[Counter[int]] = [Counter() for _ in range(grasps)]
+    for grasp, prototype in zip(votes.grasp.tolist(), votes.prototype.tolist(), strict=True):
+        counted[grasp][prototype] += 1
+    return [tuple(sorted(c.items(), key=lambda item: (-item[1], item[0]))) for c in counted]

@@ -1,0 +1,69 @@
+"""The promising points of a learned shape-grasp space: few of each prototype and grasp type, far from each other.
+
+Made once a model; at every feature of a prototype each of its points is a hypothesis of a grasp.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from spgf_torch.affordance.model import GraspModel
+from spgf_torch.affordance.ranking import log_odds_gain
+from spgf_torch.affordance.voting import Votes
+from spgf_torch.config import GRASP_TYPES, AffordanceConfig, ProposingConfig
+from spgf_torch.geometry import se3
+from spgf_torch.proposing.spreading import suppress
+
+
+@dataclass(frozen=True)
+class Shortlist:
+    """Promising points, ordered by slice (prototype * number of types + type), then from the best down.
+
+    Attributes:
+        start (S + 1,) int64: points of slice s are start[s] : start[s + 1].
+        T_feature_grasp (P, 4, 4) f32: at the centres of the points' cells.
+    """
+
+    start: Tensor
+    T_feature_grasp: Tensor
+
+    def hypotheses(self, T_object_feature: Tensor, prototype: Tensor) -> tuple[Tensor, Tensor]:
+        """Grasps that features (F, 4, 4) of prototypes (F,) int64 hope for: T_object_grasp (H, 4, 4), type (H,) int64.
+
+        Ordered by feature, then type, then as the points are.
+        """
+        types = torch.arange(len(GRASP_TYPES), device=prototype.device)
+        slices = (prototype.unsqueeze(1) * len(GRASP_TYPES) + types).flatten()
+        counts = self.start.diff()[slices]
+        which = torch.repeat_interleave(torch.arange(len(slices), device=prototype.device), counts)  # (H,)
+        within = torch.arange(len(which), device=prototype.device) - (counts.cumsum(0) - counts)[which]
+        point = self.start[slices[which]] + within
+        T_feature_grasp = self.T_feature_grasp[point].to(T_object_feature.dtype)
+        return T_object_feature[which // len(GRASP_TYPES)] @ T_feature_grasp, which % len(GRASP_TYPES)
+
+
+def shortlist(model: GraspModel, affordance: AffordanceConfig, config: ProposingConfig) -> Shortlist:
+    """The points that promise most: better than their type's base rate, and well supported.
+
+    Of each slice the `pool` points of the highest log-odds gain (`ranking.log_odds_gain`: shrunk by the support) and
+    at least `point_support` particles are merged by non-maximum suppression, and the first `points` stay.
+    """
+    condensed = model.condensed
+    types = torch.arange(len(GRASP_TYPES), device=condensed.cell.device)
+    slice_of_point = condensed.slice_of_point()
+    votes = Votes(slice_of_point % len(types), slice_of_point // len(types), condensed.probability, condensed.support)
+    gain = log_odds_gain(votes, condensed.base_rate, types, affordance)
+    promising = (gain > 0) & (condensed.support >= config.point_support)
+    chosen, counts = [], [0]
+    for s in range(len(condensed.slice_start) - 1):
+        first, end = condensed.slice_start[s : s + 2].tolist()
+        point = first + promising[first:end].nonzero()[:, 0]
+        point = point[torch.argsort(gain[point], descending=True, stable=True)[: config.pool]]
+        T = se3.pose(*model.lattice.centres(condensed.cell[point]))
+        kept = suppress(T, torch.zeros_like(point), gain[point], config.point_distance, config.point_deg)
+        chosen.append(T[kept[: config.points]])
+        counts.append(len(chosen[-1]))
+    return Shortlist(torch.tensor(counts, device=types.device).cumsum(0), torch.cat(chosen))
