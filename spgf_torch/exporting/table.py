@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from rich import box
+from rich.markup import escape
 from rich.table import Table
 
 from spgf_torch.exporting.records import Grasp
@@ -12,22 +13,27 @@ from spgf_torch.exporting.records import Grasp
 PROTOTYPES = 3  # that are named for a grasp
 
 
-def grasp_table(grasps: Sequence[Grasp], names: Mapping[int, str] | None = None) -> Table:
+def grasp_table(grasps: Sequence[Grasp], names: Sequence[str] | None = None) -> Table:
     """Grasps, best first: rank, type, probability (%), votes, TCP position (mm) and approach direction in the input's
-    frame, and the prototypes that gave most votes with their share. `names`: prototype -> word for it.
+    frame, and the prototypes that gave most votes with their share. `names`: a word for each prototype.
     """
-    table = Table(title="Ranked grasps", caption="TCP position and approach in the input's frame", box=box.SIMPLE_HEAD)
-    for heading in ("rank", "type", "probability (%)", "votes", "x (mm)", "y", "z", "approach", "voted by"):
-        table.add_column(heading, justify="left" if heading in ("type", "voted by") else "right", no_wrap=True)
+    table = Table(
+        title="Ranked grasps",
+        caption="TCP position and approach in the input's frame; prototypes with their share of the votes",
+        box=box.SIMPLE_HEAD,
+    )
+    for heading in ("rank", "type", "prob. (%)", "votes", "x y z (mm)", "approach"):
+        table.add_column(heading, justify="left" if heading == "type" else "right", no_wrap=True)
+    table.add_column("prototypes")
     for rank, grasp in enumerate(grasps, start=1):
         table.add_row(
             str(rank),
             grasp.type,
             f"{100 * grasp.probability:.1f}",
             str(grasp.support),
-            *(f"{1000 * value:.0f}" for value in grasp.T_input_tcp[:3, 3]),
+            " ".join(f"{1000 * value:4.0f}" for value in grasp.T_input_tcp[:3, 3]),
             direction(grasp),
-            voters(grasp, names),
+            escape(voters(grasp, names)),
         )
     return table
 
@@ -37,11 +43,11 @@ def direction(grasp: Grasp) -> str:
     return " ".join(f"{value:5.2f}" for value in grasp.T_input_tcp[:3, 2] + 0.0)
 
 
-def voters(grasp: Grasp, names: Mapping[int, str] | None = None) -> str:
+def voters(grasp: Grasp, names: Sequence[str] | None = None) -> str:
     """The prototypes with most votes, each with its share of all votes."""
     votes = sum(count for _, count in grasp.voted_by)
     return ", ".join(
-        f"{(names or {}).get(prototype, f'prototype {prototype}')} {100 * count / votes:.0f} %"
+        f"{names[prototype] if names else f'#{prototype}'} {100 * count / votes:.0f} %"
         for prototype, count in grasp.voted_by[:PROTOTYPES]
         if count
     )

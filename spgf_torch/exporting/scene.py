@@ -1,0 +1,141 @@
+"""A cloud with grasps as shapes in space, ready to be drawn: patches, outlines of hands, a place to look from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from scipy.spatial import cKDTree
+
+from spgf_torch.config import InputError
+from spgf_torch.exporting.records import Grasp, Gripper, gripper_for
+from spgf_torch.reporting.scenes import camera
+from spgf_torch.reporting.style import MESH, success_colours
+
+PATCHES = 8000  # points that are drawn at most: what a browser turns smoothly and a page of some MB holds
+CORNERS = 6  # of a patch
+NEIGHBOURS, PATCH = 6, 0.75  # radius of a patch as a share of the distance to the sixth neighbour: they overlap
+FINGER, HANDLE = 0.045, 0.03  # m; what is drawn of a hand behind its TCP: fingers, then the axis of approach
+ELEVATION = 32.0  # deg above the horizon that a scene is looked at from
+AZIMUTHS = (-60.0, 30.0, 120.0, 210.0)  # deg; the first that shows most is taken
+AS_GOOD = 0.9  # of the most that any place shows
+DARKEST = 0.45  # brightness of a patch that faces away from the lamp
+
+
+@dataclass(frozen=True)
+class Eye:
+    """Where a scene is looked at from: unit vectors in the input's frame; `towards` is from the cloud to the eye."""
+
+    towards: np.ndarray
+    up: np.ndarray
+
+    @property
+    def axes(self) -> np.ndarray:
+        """(3, 3): rows are the picture's right, up, and the direction towards the eye."""
+        right = np.cross(self.up, self.towards)
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(self.towards, right), self.towards])
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A cloud with grasps, in the input's frame, m.
+
+    Attributes:
+        patches: (P, CORNERS, 3) polygons in the surface. colours: (P, 3), lit.
+        outlines: (S, 2, 3) line segments of each grasp's open hand. probability: (G,). grasps: (G,), best first.
+        eye: where to look from.
+    """
+
+    patches: np.ndarray
+    colours: np.ndarray
+    outlines: list[np.ndarray]
+    probability: np.ndarray
+    grasps: list[Grasp]
+    eye: Eye
+
+    @property
+    def grasp_colours(self) -> np.ndarray:
+        """(G, 3) red (probability 0) to green (1)."""
+        return success_colours(self.probability)
+
+
+def scene_of(
+    points: np.ndarray, normals: np.ndarray, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper]
+) -> Scene:
+    """What there is to draw.
+
+    Args:
+        points, normals: (M, 3), m and unit, input's frame, normals on the side that was seen. Of more than `PATCHES`
+            points evenly many are drawn.
+        grasps: best first. grippers: `records.grippers_of` the hand.
+
+    Raises:
+        InputError: no points, or points and normals of different shapes.
+    """
+    points, normals = np.asarray(points, dtype=np.float64), np.asarray(normals, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points) or points.shape != normals.shape:
+        raise InputError(f"scene: expected points and normals (M, 3), M > 0; got {points.shape} and {normals.shape}")
+    eye = look(normals)
+    shown = np.random.default_rng(0).permutation(len(points))[:PATCHES]
+    points, normals = points[shown], normals[shown]
+    return Scene(
+        patches=_patches(points, normals),
+        colours=_lit(normals, eye),
+        outlines=[_placed(outline(gripper_for(grasp, grippers)), grasp.T_input_tcp) for grasp in grasps],
+        probability=np.array([grasp.probability for grasp in grasps]),
+        grasps=list(grasps),
+        eye=eye,
+    )
+
+
+def look(normals: np.ndarray) -> Eye:
+    """The place that the surface faces: obliquely above if the input's z is up, else in front of a camera's frame.
+
+    Surfaces were seen from where their normals point. A scene in a camera's own frame (z forwards, y down) faces -z.
+    """
+    above = [Eye(camera((azimuth, ELEVATION))[2], np.array([0.0, 0.0, 1.0])) for azimuth in AZIMUTHS]
+    front = Eye(np.array([0.0, 0.0, -1.0]), np.array([0.0, -1.0, 0.0]))
+    eyes = [*above, front]
+    shown = np.array([np.clip(normals @ eye.towards, 0, None).sum() for eye in eyes])
+    return eyes[int(np.argmax(shown >= AS_GOOD * shown.max()))]
+
+
+def outline(gripper: Gripper) -> np.ndarray:
+    """(4, 2, 3) m in the tcp frame: axis of approach, palm, and two fingers, `width` apart, out to their tips."""
+    half = gripper.width / 2
+    palm = [[-half, 0, -FINGER], [half, 0, -FINGER]]
+    fingers = [[[x, 0, -FINGER], [x, 0, gripper.depth]] for x in (-half, half)]
+    return np.array([[[0, 0, -FINGER - HANDLE], [0, 0, -FINGER]], palm, *fingers])
+
+
+def pieces(segments: np.ndarray, longest: float) -> list[np.ndarray]:
+    """Each segment (S, 2, 3) as points (n, 3) along it, none farther than `longest` from the next."""
+    counts = np.ceil(np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1) / longest).astype(int)
+    return [np.linspace(a, b, max(count, 1) + 1) for (a, b), count in zip(segments, counts, strict=True)]
+
+
+def _placed(points: np.ndarray, T: np.ndarray) -> np.ndarray:
+    return points @ T[:3, :3].T + T[:3, 3]
+
+
+def _patches(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    nearest = cKDTree(points).query(points, k=min(NEIGHBOURS + 1, len(points)))[0].reshape(len(points), -1)
+    radius = PATCH * float(np.median(nearest[:, -1])) or FINGER / 10  # a single point has no neighbour
+    helper = np.where(np.abs(normals[:, :1]) < 0.8, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    u = np.cross(normals, helper)
+    u /= np.linalg.norm(u, axis=1, keepdims=True).clip(1e-12)
+    v = np.cross(normals, u)
+    angle = np.arange(CORNERS) * 2 * np.pi / CORNERS
+    around = u[:, None] * np.cos(angle)[:, None] + v[:, None] * np.sin(angle)[:, None]
+    return points[:, None] + radius * around
+
+
+def _lit(normals: np.ndarray, eye: Eye) -> np.ndarray:
+    """(P, 3) colours: the lamp stands above the eye's left shoulder."""
+    right, up, towards = eye.axes
+    lamp = towards + 0.9 * up - 0.6 * right
+    shade = DARKEST + (1 - DARKEST) * (0.5 + 0.5 * normals @ (lamp / np.linalg.norm(lamp)))
+    return shade[:, None] * to_rgb(MESH)
