@@ -90,7 +90,7 @@ def _text(path: Path, limit: int) -> Cloud:
         with path.open(encoding="utf-8-sig") as stream:
             names, delimiter, skipped = _layout(stream)
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message=".*input contained no data.*")
+            warnings.filterwarnings("ignore", message=".*contained no data")
             table = np.loadtxt(
                 path,
                 delimiter=delimiter,
@@ -141,10 +141,13 @@ def _columns(path: Path, table: np.ndarray, names: list[str]) -> np.ndarray:
 
 def _numpy(path: Path, limit: int) -> Cloud:
     try:
-        # Mapped, an array of any size can be measured before it is read.
-        loaded = np.load(path, mmap_mode="r", allow_pickle=False)
-        arrays = {"points": loaded} if isinstance(loaded, np.ndarray) else {name: loaded[name] for name in loaded.files}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        if path.suffix.lower() == ".npy":
+            # Mapped, an array of any size can be measured before it is read.
+            arrays = {"points": np.lib.format.open_memmap(path, mode="r")}
+        else:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as loaded:
+                arrays = {name: loaded[name] for name in loaded.files}
+    except (ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(
             f"{path}: expected a whole numpy file of numbers, got a damaged one ({_short(error)})"
         ) from error

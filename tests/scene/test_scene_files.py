@@ -1,0 +1,203 @@
+"""Every format of point cloud, written by hand or by the stock writers, and read back; what is refused, and how."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from spgf_torch.config import InputError
+from spgf_torch.scene.cloud import Cloud, voxel_means
+from spgf_torch.scene.files import ply_faces, read_cloud
+
+LIMIT = 1000
+POINTS = np.array([[0.1, -0.2, 0.3], [1.5, 0.25, -0.75], [0.0, 0.5, 2.0]])
+NORMALS = np.array([[1.0, 0, 0], [0, -0.6, 0.8], [0, 0, 1]])
+BOTH = np.hstack([POINTS, NORMALS])
+
+
+def ply(kind: str, columns: np.ndarray, names: str) -> bytes:
+    """A PLY file by hand, with a colour that is to be ignored."""
+    head = ["ply", f"format {kind} 1.0", "comment by hand", f"element vertex {len(columns)}"]
+    head += [f"property double {name}" for name in names.split()] + ["property uchar red", "end_header", ""]
+    rows = np.zeros(
+        len(columns), [(name, ">f8" if "big" in kind else "<f8") for name in names.split()] + [("red", "u1")]
+    )
+    for name, column in zip(names.split(), columns.T, strict=True):
+        rows[name] = column
+    body = (
+        "".join(" ".join(map(str, row)) + "\n" for row in rows.tolist()).encode() if kind == "ascii" else rows.tobytes()
+    )
+    return "\n".join(head).encode() + body
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_ply(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "cloud.ply"
+    path.write_bytes(ply(kind, BOTH, "x y z nx ny nz"))
+    cloud = read_cloud(path, LIMIT)
+    np.testing.assert_allclose(cloud.points, POINTS)
+    np.testing.assert_allclose(cloud.normals, NORMALS)
+    path.write_bytes(ply(kind, POINTS, "x y z"))
+    assert read_cloud(path, LIMIT).normals is None
+    assert ply_faces(path) == 0
+
+
+def test_trimesh_writes_what_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "cloud.ply"
+    trimesh.PointCloud(POINTS).export(path)
+    np.testing.assert_allclose(read_cloud(path, LIMIT).points, POINTS, atol=1e-6)
+    trimesh.creation.box().export(path)
+    assert ply_faces(path) == 12
+
+
+@pytest.mark.parametrize("name", ["a.xyz", "a.csv", "a.txt"])
+@pytest.mark.parametrize(
+    ("content", "normals"),
+    [
+        ("0.1 -0.2 0.3\n1.5 0.25 -0.75\n0 0.5 2\n", False),
+        ("# by hand\n0.1,-0.2,0.3\n1.5,0.25,-0.75\n0,0.5,2\n", False),
+        ("//X;Y;Z\n0.1;-0.2;0.3;1;0;0\n1.5;0.25;-0.75;0;-0.6;0.8\n0;0.5;2;0;0;1", True),
+        ("intensity,x,y,z\n7,0.1,-0.2,0.3\n7,1.5,0.25,-0.75\n7,0,0.5,2\n", False),
+        ("Normal_X nz ny x y z\n1 0 0 .1 -.2 .3\n0 .8 -.6 1.5 .25 -.75\n0 1 0 0 .5 2\n", True),
+    ],
+    ids=["blanks", "commas", "semicolons", "named", "named normals"],
+)
+def test_text(name: str, content: str, normals: bool, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(content)
+    cloud = read_cloud(tmp_path / name, LIMIT)
+    np.testing.assert_allclose(cloud.points, POINTS)
+    if normals:
+        np.testing.assert_allclose(cloud.normals, NORMALS)
+    else:
+        assert cloud.normals is None
+
+
+def test_numpy(tmp_path: Path) -> None:
+    np.save(tmp_path / "three.npy", POINTS.astype(np.float32))
+    np.testing.assert_allclose(read_cloud(tmp_path / "three.npy", LIMIT).points, POINTS, atol=1e-7)
+    np.save(tmp_path / "six.npy", BOTH)
+    np.testing.assert_allclose(read_cloud(tmp_path / "six.npy", LIMIT).normals, NORMALS)
+    np.savez(tmp_path / "named.npz", points=POINTS, normals=NORMALS, viewpoints=[[0.0, 0, 1]])
+    cloud = read_cloud(tmp_path / "named.npz", LIMIT)
+    np.testing.assert_allclose(cloud.normals, NORMALS)
+    np.testing.assert_allclose(cloud.viewpoints, [[0, 0, 1]])
+
+
+def test_pixels_without_a_measurement_are_dropped(tmp_path: Path) -> None:
+    """NaN and the zeros that RealSense writes, in an image of points; a list of points may hold a zero."""
+    image = np.concatenate([POINTS, [[np.nan] * 3, [0.0, 0, 0], [np.nan, 0, 1]]]).reshape(2, 3, 3)
+    np.save(tmp_path / "image.npy", image)
+    np.testing.assert_allclose(read_cloud(tmp_path / "image.npy", LIMIT).points, POINTS)
+    np.save(tmp_path / "list.npy", np.concatenate([POINTS, np.zeros((1, 3))]))
+    assert len(read_cloud(tmp_path / "list.npy", LIMIT)) == 4
+
+
+def saved(array: object) -> Callable[[Path], None]:
+    return lambda path: np.save(path, array)  # type: ignore[arg-type, return-value]
+
+
+def zipped(**arrays: object) -> Callable[[Path], None]:
+    return lambda path: np.savez(path, **arrays)  # type: ignore[arg-type]
+
+
+def written(content: bytes | str) -> Callable[[Path], None]:
+    return lambda path: (path.write_bytes(content if isinstance(content, bytes) else content.encode()), None)[1]
+
+
+NAN = POINTS * np.array([[1.0], [np.nan], [1.0]])
+BINARY = ply("binary_little_endian", BOTH, "x y z nx ny nz")
+ASCII = ply("ascii", BOTH, "x y z nx ny nz")
+COLOURS = np.hstack([POINTS, [[255, 0, 0], [10, 20, 30], [0, 0, 7]]])
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "message"),
+    [
+        ("a.npy", saved(np.zeros((0, 3))), "expected points, got none"),
+        ("a.ply", written(ply("ascii", POINTS[:0], "x y z")), "expected points, got none"),
+        ("a.xyz", written("# nothing\n"), "expected points, got none"),
+        ("a.xyz", written(""), "expected data, got an empty file"),
+        ("a.npy", saved(np.full((2, 2, 3), np.nan)), "all 4 pixels are NaN or zero"),
+        ("a.npy", saved(NAN), "expected finite points, got 1 with NaN or infinity"),
+        ("a.npy", saved(np.where(np.isnan(NAN), np.inf, NAN)), "expected finite points, got 1"),
+        ("a.npy", saved(np.where(np.isnan(NAN), -np.inf, NAN)[None]), "expected finite points, got 1"),
+        ("a.txt", written("1 2 3\nnan 0 0\n"), "expected finite points, got 1"),
+        ("a.npz", zipped(points=POINTS, normals=NAN), "expected finite normals, got 1"),
+        ("a.npz", zipped(points=POINTS, normals=0 * POINTS), "expected normals of length 1, got 3 of 3 with length 0"),
+        ("a.npy", saved(COLOURS), r"got lengths of 7 to 255 \(colours\?"),
+        ("a.npz", zipped(points=POINTS, normals=NORMALS[:2]), "expected points and normals of one shape"),
+        ("a.npz", zipped(xyz=POINTS), "expected an array named points, got xyz"),
+        ("a.npz", zipped(points=POINTS, viewpoints=np.zeros((2, 6))), r"viewpoints: expected shape \(V, 3\)"),
+        ("a.npy", saved(POINTS.T[:, :2]), r"expected shape \(N, 3\).*a depth image\? then give intrinsics"),
+        ("a.npy", saved(np.array([{"x": 1}])), "expected a whole numpy file"),
+        ("a.npy", saved(np.array([["a", "b", "c"]])), "expected numbers, got <U1"),
+        ("a.npy", written(b"\x93NUMPY\x01\x00v\x00{'descr': '<f8'"), "expected a whole numpy file"),
+        ("a.npz", written(b"PK\x03\x04 half a zip"), "expected a whole numpy file"),
+        ("a.npy", saved(np.ones((LIMIT + 1, 3))), r"at most 1000 points \(max_points\), got 1001; thin"),
+        ("a.ply", written(ply("ascii", np.ones((LIMIT + 1, 3)), "x y z")), "at most 1000 points"),
+        ("a.xyz", written("1 2 3\n" * (LIMIT + 5)), "at most 1000 points"),
+        ("a.ply", written(BINARY[:-20]), "damaged or cut file"),
+        (
+            "a.ply",
+            written(BINARY[: BINARY.index(b"end_header")]),
+            "expected a PLY header that ends with end_header, got a",
+        ),
+        ("a.ply", written("solid\n"), "expected a PLY header that ends with end_header, got none"),
+        ("a.ply", written(ASCII[:-30]), "cut"),
+        ("a.ply", written(ASCII[: len(ASCII) // 2 + 60]), "cut"),
+        ("a.ply", written(ply("ascii", POINTS[:, :2], "x y")), "damaged or cut file"),
+        ("a.xyz", written("1 2 3\n4 5\n"), "expected rows of numbers"),
+        ("a.xyz", written("1 2 3\n4 five 6\n"), "expected rows of numbers.*five"),
+        ("a.xyz", written(bytes(range(128, 256))), "expected rows of numbers"),
+        ("a.xyz", written("1 2 3 4\n"), "expected 3 columns x y z or 6 with normals .*, got 4"),
+        ("a.csv", written("u,v,w\n1,2,3\n"), "expected columns named x, y, z .*; got u, v, w"),
+        ("a.las", written("1 2 3\n"), "expected a point cloud"),
+    ],
+)
+def test_bad_input_is_named(name: str, write: Callable[[Path], None], message: str, tmp_path: Path) -> None:
+    write(tmp_path / name)
+    with pytest.raises(InputError, match=message) as caught:
+        read_cloud(tmp_path / name, LIMIT)
+    assert str(tmp_path / name) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_folder_or_nothing_for_a_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="expected a file, got a folder"):
+        read_cloud(tmp_path, LIMIT)
+    with pytest.raises(InputError, match="expected a file, got nothing there"):
+        read_cloud(tmp_path / "none.ply", LIMIT)
+
+
+@pytest.mark.parametrize("cut", [0.3, 0.6, 0.9])
+def test_numpy_cut_in_half(cut: float, tmp_path: Path) -> None:
+    for name, write in (("a.npy", saved(BOTH.repeat(50, axis=0))), ("a.npz", zipped(points=POINTS.repeat(50, axis=0)))):
+        write(tmp_path / name)
+        whole = (tmp_path / name).read_bytes()
+        (tmp_path / name).write_bytes(whole[: int(cut * len(whole))])
+        with pytest.raises(InputError, match="expected a whole numpy file of numbers, got a damaged one"):
+            read_cloud(tmp_path / name, LIMIT)
+
+
+def test_voxel_means_equal_a_slow_loop(rng: np.random.Generator) -> None:
+    points = rng.random((500, 3)) * 0.02
+    normals = rng.normal(size=(500, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    cells: dict[tuple, list[int]] = {}
+    for i, (point, normal) in enumerate(zip(points, normals, strict=True)):
+        axis = int(np.abs(normal).argmax())
+        cells.setdefault((*((point - points.min(axis=0)) // 0.004), axis, normal[axis] > 0), []).append(i)
+    thinned = voxel_means(Cloud(points, normals), 0.004)
+    assert 100 < len(cells) < 500
+    np.testing.assert_allclose(thinned.points, [points[each].mean(axis=0) for each in cells.values()])
+    means = np.array([normals[each].mean(axis=0) for each in cells.values()])
+    np.testing.assert_allclose(thinned.normals, means / np.linalg.norm(means, axis=1, keepdims=True))
+
+
+def test_voxels_keep_both_sides_of_a_sheet() -> None:
+    """Two points 0.5 mm apart in one cell of 2 mm, back to back: kept apart with normals, else merged."""
+    points, normals = np.array([[0.0, 0, 0], [0, 0, 0.0005]]), np.array([[0.0, 0, -1], [0, 0, 1]])
+    assert len(voxel_means(Cloud(points, normals), 0.002)) == 2
+    np.testing.assert_allclose(voxel_means(Cloud(points), 0.002).points, [[0, 0, 0.00025]])
