@@ -164,10 +164,10 @@ def _bar() -> Trace:
 def _words(rank: int, grasp: Grasp, names: Sequence[str] | None) -> str:
     """What is shown where the mouse is."""
     lines = (
-        f"<b>{rank}</b>: {grasp.type}",
+        f"<b>{rank}</b>: {html.escape(grasp.type)}",
         f"probability {100 * grasp.probability:.0f} %",
         f"{grasp.support} votes",
-        voters(grasp, names),
+        html.escape(voters(grasp, names)),
     )
     return "<br>".join(line for line in lines if line)
 

@@ -56,7 +56,7 @@ def test_missing_folder_empty_and_foreign(name: str, tmp_path: Path) -> None:
         b"[1, 2]",
         b"null",
         b"{}",
-        b"[" * 1500,
+        b"[" * 700,
         b"\x80\x04.",
     ):
         path.write_bytes(content)

@@ -1,0 +1,25 @@
+"""The ranked table as text."""
+
+import io
+
+from asymmetric import asymmetric
+from rich.console import Console
+
+from spgf_torch.exporting.table import grasp_table
+
+
+def text(names: list[str] | None = None) -> str:
+    out = io.StringIO()
+    Console(width=120, file=out).print(grasp_table([asymmetric(), asymmetric("NPG", 0.5)], names))
+    return out.getvalue()
+
+
+def test_a_row_says_what_where_and_why() -> None:
+    """87.5 %, TCP (100, 200, 300) mm, approach (0.5, 0, 0.87); 30 of 42 votes are 71 %."""
+    first = next(line for line in text().splitlines() if "WPG" in line)
+    assert " ".join(first.split()) == "1 WPG 87.5 42 100 200 300 0.50 0.00 0.87 #7 71 %, #3 29 %"
+
+
+def test_prototypes_by_name() -> None:
+    names = [f"rim {i}" if i % 2 else f"[bold]wall {i}" for i in range(8)]
+    assert "rim 7 71 %, rim 3 29 %" in text(names)
