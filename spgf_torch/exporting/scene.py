@@ -69,7 +69,7 @@ def scene_of(
 
     Args:
         points, normals: (M, 3), m and unit, input's frame, normals on the side that was seen. Of more than `PATCHES`
-            points evenly many are drawn.
+            points so many are drawn, chosen at random.
         grasps: best first. grippers: `records.grippers_of` the hand.
 
     Raises:

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 from asymmetric import GRIPPERS, exact_pose
+from omegaconf import OmegaConf
 
-from spgf_torch.config import HandConfig, InputError, settings
+from spgf_torch.config import HandConfig, InputError, root, settings, typed
 from spgf_torch.exporting.records import Gripper, gripper_for, grippers_of, make_grasp
 from spgf_torch.trials.hand import Hand, load_hand
 
@@ -56,6 +57,17 @@ def test_base_of_the_shipped_hand(grippers: dict[str, Gripper]) -> None:
     expected = [[c, 0, 0.5, -0.0226910], [0, 1, 0, 0.2], [-0.5, 0, c, 0.1255930], [0, 0, 0, 1]]
     np.testing.assert_allclose(grasp.T_input_base, expected, atol=1e-6)
     assert grasp.T_input_tcp.dtype == np.float64
+
+
+def test_a_mimic_joint_is_not_active() -> None:
+    """The shipped parallel jaw: its second finger follows the first; fingers end 112.2 mm from panda_hand, 8.8 mm
+    beyond the TCP at 103.4 mm."""
+    values = OmegaConf.to_container(OmegaConf.load(root() / "conf/hand/panda.yaml"))
+    wide = grippers_of(load_hand(typed(HandConfig, values)))["WPG"]
+    assert (wide.name, wide.base_link, wide.active) == ("panda_WPG", "panda_hand", ("panda_finger_joint1",))
+    assert wide.closed == pytest.approx({"panda_finger_joint1": 0, "panda_finger_joint2": 0}, abs=1e-9)
+    assert wide.joints["panda_finger_joint2"] == pytest.approx(wide.width / 2)
+    assert wide.depth == pytest.approx(0.0088, abs=1e-6)
 
 
 def test_unusable_grasps_are_told_in_one_line() -> None:
