@@ -3,7 +3,14 @@
 After Thomsen, Kraft, Krueger: A Semi-local Surface Feature for Learning Successful Grasping Affordances (2016).
 """
 
+from __future__ import annotations
+
 import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from spgf_torch.predictor import Predictor
 
 __version__ = "0.1.0"
 
@@ -11,3 +18,10 @@ __version__ = "0.1.0"
 # core; these take effect only before torch is imported, and only where the user has not set them.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
+
+
+def load(folder: str | Path, device: str = "cpu") -> Predictor:
+    """The model that `train` left in `folder`, ready to propose grasps (`spgf_torch.predictor`)."""
+    from spgf_torch.predictor import Predictor
+
+    return Predictor.load(folder, device).ready()

@@ -257,10 +257,23 @@ class CollisionConfig:
     wall_density: float = bounded(1.0, 20_000.0)
     min_extent: float = bounded(0.0001, 1.0)
     max_extent: float = bounded(0.01, 100.0)
+    max_hole: float = bounded(0.0, 0.1)
 
 
 @dataclass
-class TrainConfig:
+class ObjectsConfig:
+    """A folder of objects, for every door that takes one: descriptions, or meshes and how they are read."""
+
+    objects: str = text()
+    unit: str = choice("auto", "m", "cm", "mm")
+    category: str = choice("manifest", *CLASSES)
+    skip_bad: bool = MISSING
+    hand: HandConfig = field(default_factory=HandConfig)
+    collision: CollisionConfig = field(default_factory=CollisionConfig)
+
+
+@dataclass
+class TrainConfig(ObjectsConfig):
     """`python -m spgf_torch.train`: the paper's experiment."""
 
     K: int = bounded(1, 1000)
@@ -273,7 +286,6 @@ class TrainConfig:
     training_objects: int = bounded(2, 1_000_000)
     final_model: bool = MISSING
     bootstrap: int = bounded(100, 1_000_000)
-    objects: str = text()
     trials: str = text()
     device: str = text()
     workers: int = bounded(0, 1024)
@@ -283,32 +295,26 @@ class TrainConfig:
     features: FeatureConfig = field(default_factory=FeatureConfig)
     prototypes: PrototypeConfig = field(default_factory=PrototypeConfig)
     affordance: AffordanceConfig = field(default_factory=AffordanceConfig)
-    hand: HandConfig = field(default_factory=HandConfig)
     sampler: SamplerConfig = field(default_factory=SamplerConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
 
 
 @dataclass
-class SimulateConfig:
+class SimulateConfig(ObjectsConfig):
     """`python -m spgf_torch.simulate`: the trial table."""
 
-    objects: str = text()
     candidates: int = bounded(1, 10_000_000)
     out: str | None = text()
     seed: int = bounded(0, 2**31 - 1)
     workers: int = bounded(0, 1024)
-    unit: str = choice("m", "cm", "mm")
-    hand: HandConfig = field(default_factory=HandConfig)
     sampler: SamplerConfig = field(default_factory=SamplerConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
-    collision: CollisionConfig = field(default_factory=CollisionConfig)
 
 
 @dataclass
-class EvaluateConfig:
+class EvaluateConfig(ObjectsConfig):
     """`python -m spgf_torch.evaluate`: the model's best grasps on a folder of meshes, executed."""
 
-    objects: str = text()
     model: str = text()
     N: int = bounded(1, 1000)
     candidates: int = bounded(1, 10_000_000)
@@ -317,15 +323,24 @@ class EvaluateConfig:
     bootstrap: int = bounded(100, 1_000_000)
     seed: int = bounded(0, 2**31 - 1)
     workers: int = bounded(0, 1024)
-    unit: str = choice("m", "cm", "mm")
     device: str = text()
     cache: str | None = text()
     cache_gb: float = bounded(0.0, 1e6)
     sensing: SensingConfig = field(default_factory=SensingConfig)
-    hand: HandConfig = field(default_factory=HandConfig)
     sampler: SamplerConfig = field(default_factory=SamplerConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
-    collision: CollisionConfig = field(default_factory=CollisionConfig)
+
+
+@dataclass
+class PredictConfig(SceneConfig):
+    """`python -m spgf_torch.predict`: ranked grasps for people's own data; its input settings are those of a scene."""
+
+    model: str = text()
+    N: int = bounded(1, 1000)
+    retreat: float = bounded(0.0, 1.0)
+    device: str = text()
+    seed: int = bounded(0, 2**31 - 1)
+    proposing: ProposingConfig = field(default_factory=ProposingConfig)
 
 
 @dataclass

@@ -32,7 +32,7 @@ _TENSORS = ("centres", "calibration", "slice_start", "cell", "probability", "sup
 # What model.json must say.
 _SECTIONS = {
     "lattice": {"reach", "voxel", "rotation_deg"},
-    "settings": {"features", "prototypes", "affordance", "hand"},
+    "settings": {"sensing", "features", "prototypes", "affordance", "hand"},
 }
 
 

@@ -196,7 +196,7 @@ def test_an_empty_model_supports_nothing() -> None:
     assert len(cast_votes(VotingIndex(condensed, LATTICE), Points(one, one, one), one.long()).grasp) == 0
 
 
-SETTINGS = {"features": {}, "prototypes": {}, "affordance": {}, "hand": {}}
+SETTINGS = {"sensing": {}, "features": {}, "prototypes": {}, "affordance": {}, "hand": {}}
 
 
 @pytest.fixture

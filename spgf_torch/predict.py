@@ -1,0 +1,56 @@
+"""`python -m spgf_torch.predict input=FILE`: ranked grasps for what a camera or a mesh shows."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from spgf_torch.cli import door
+from spgf_torch.config import PredictConfig
+from spgf_torch.progress import Stages, show
+
+
+def run(config: PredictConfig, folder: Path) -> None:
+    """Read the scene, propose grasps, write them into `folder` in every format, with a page and a picture."""
+    import numpy as np
+
+    from spgf_torch.exporting.graspnet import write_graspnet
+    from spgf_torch.exporting.grasps_json import write_grasps
+    from spgf_torch.exporting.isaac import write_isaac
+    from spgf_torch.exporting.scene_page import write_scene_page
+    from spgf_torch.exporting.table import grasp_table
+    from spgf_torch.predictor import Predictor
+    from spgf_torch.scene.scene import read_scene
+
+    stages = Stages()
+    with stages.stage("model", 1, "model") as advance:
+        predictor = Predictor.load(config.model, config.device, config.proposing, config.retreat).ready()
+        advance(1)
+    with stages.stage("scene", 1, "input") as advance:
+        scene = read_scene(config, predictor.sensing, np.random.default_rng(config.seed))
+        advance(1)
+    for note in scene.notes:
+        show(note)
+    start = time.perf_counter()
+    with stages.stage("grasps", len(scene.texlets), "texlets") as advance:
+        grasps = predictor.predict(scene.texlets, config.N, scene.plane)
+        advance(len(scene.texlets))
+    seconds = time.perf_counter() - start
+
+    write_grasps(folder / "grasps.json", grasps, predictor.grippers)
+    write_isaac(folder / "isaac_grasp.yaml", grasps, predictor.grippers)
+    write_graspnet(folder / "graspnet.npy", grasps, predictor.grippers)
+    positions, normals = (t.double().numpy() for t in (scene.texlets.positions, scene.texlets.normals))
+    names = predictor.names
+    write_scene_page(
+        folder / "index.html", folder / "grasps.png", positions, normals, grasps, predictor.grippers, names
+    )
+    if grasps:
+        show(grasp_table(grasps[: config.N], names))
+    else:
+        show("no grasp: no shape here votes for any that the open hand could reach freely")
+    show(f"{len(grasps)} grasps from {len(scene.texlets)} texlets in {seconds:.2f} s; files and page in {folder}")
+
+
+if __name__ == "__main__":
+    door("predict", PredictConfig, run)
