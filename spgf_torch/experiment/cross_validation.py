@@ -91,5 +91,6 @@ def choose(judged: Sequence[Judged], success: Sequence[Tensor], calibration: Cal
     rates = dict.fromkeys(RANKINGS, 0.0)
     for j, held in zip(judged, success, strict=True):
         for name, score in rankings(j, calibration).items():
-            rates[name] += float(held[best_grasps(score, j.grasp_type, n)["CG"]].float().mean())
+            best = best_grasps(score, j.grasp_type, n)["CG"]
+            rates[name] += float(held[best].float().sum()) / max(1, len(best))
     return max(rates, key=lambda name: rates[name])
