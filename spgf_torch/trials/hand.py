@@ -20,6 +20,8 @@ from scipy.optimize import brentq
 
 from spgf_torch.config import GRASP_TYPES, FingerConfig, HandConfig, InputError, find, plain, typed
 
+TOUCHING = 1e-9  # m between pads that count as one point; what is left of an opening of 0 is rounding
+
 
 @dataclass(frozen=True)
 class Preshape:
@@ -119,10 +121,14 @@ class Kinematics:
         for kind, missing in (("link", wanted - links), ("joint", named - joints)):
             if missing:
                 raise InputError(f"{self.path}: expected a {kind} named {min(missing)}, got none")
+        if sliding := {joint.name for joint in self.robot.joints if joint.type == "prismatic"} & set(self.fixed):
+            raise InputError(f"hand.fixed_deg: expected joints that turn, got {min(sliding)}, which is prismatic")
 
     def _common_limits(self) -> tuple[float, float]:
         joints = {joint.name: joint.limit for joint in self.robot.joints}
         limits = [joints[finger.proximal] for finger in self.config.fingers]
+        if None in limits:
+            raise InputError(f"{self.path}: expected limits of the joints that close the fingers, got none")
         return max(limit.lower for limit in limits), min(limit.upper for limit in limits)
 
     def joints(self, proximal: float) -> dict[str, float]:
@@ -171,6 +177,8 @@ class Kinematics:
         first, second = self.pads(links)
         z = np.array([0.0, 0.0, 1.0])
         x = second - first
+        if np.linalg.norm(x) < TOUCHING:
+            x = self.axis  # of pads that meet nothing else tells which way they came
         x = x - (x @ z) * z
         x /= np.linalg.norm(x)
         T = np.eye(4)
