@@ -23,21 +23,24 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.evaluation.tables import executed_table, scans_table
     from spgf_torch.experiment.execution import candidate_grasps, execute_best
     from spgf_torch.experiment.restored import restore
-    from spgf_torch.objects.scans import load_scans
+    from spgf_torch.objects.folders import read_objects
     from spgf_torch.progress import show
     from spgf_torch.trials.hand import load_hand
     from spgf_torch.trials.runner import Trials
 
     check_device(config.device)
     if not find(config.objects).is_dir():
-        raise InputError(f"objects: expected a folder of meshes, got {config.objects}")
+        raise InputError(f"objects: expected a folder of objects, got {config.objects}")
     stages = Stages()
     model = load_model(find(config.model), config.device)
     restored = restore(model, config)
-    scans = load_scans(find(config.objects), config.unit, config.collision)
-    show(scans_table(scans))
+    found = read_objects(config)
+    for note in found.notes:
+        show(note)
+    if found.scans:
+        show(scans_table(found.scans))
 
-    objects = [scan.object for scan in scans]
+    objects = found.objects
     grasps = [candidate_grasps(obj, config.candidates, config.sampler, config.seed) for obj in objects]
     described = restored.description.describe(objects, grasps, stages)
     with stages.stage("voting", len(objects), "objects") as advance:

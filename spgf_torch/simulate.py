@@ -7,22 +7,25 @@ from pathlib import Path
 from omegaconf import OmegaConf
 
 from spgf_torch.cli import door
-from spgf_torch.config import InputError, SimulateConfig, find, plain
-from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.objects.library import load_objects
+from spgf_torch.config import InputError, SimulateConfig, plain
 from spgf_torch.progress import Stages, show
 
 
 def run(config: SimulateConfig, folder: Path) -> None:
     """Write one Parquet file an object into `out` (default: the run's folder); finished ones are kept."""
     from spgf_torch.evaluation.tables import random_rates
+    from spgf_torch.objects.folders import read_objects
     from spgf_torch.trials.hand import load_hand
     from spgf_torch.trials.runner import Trials, origin, simulate
     from spgf_torch.trials.table import read_table, read_tables, table_path, write_table
 
     out = Path(config.out) if config.out else folder
     _make_folder(out)
-    objects = read_objects(config)
+    stages = Stages()
+    found = read_objects(config, stages)
+    objects = found.objects
+    for note in found.notes:
+        show(note)
     trials = Trials(load_hand(config.hand), config.episode)
     waiting = []
     for obj in objects:
@@ -32,7 +35,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
         else:
             read_tables(out, [origin(obj, trials, config.sampler, config.candidates, config.seed)])
     (out / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.create(plain(config))))
-    stages, total = Stages(), 2 * config.candidates * len(waiting)
+    total = 2 * config.candidates * len(waiting)
     with stages.stage("trials", total, "candidates") as advance:
         tables = simulate(
             waiting, trials, config.sampler, config.candidates, config.seed, config.workers, lambda _, n: advance(n)
@@ -51,16 +54,6 @@ def _make_folder(out: Path) -> None:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"out: expected a folder that can be made, got {out} ({error.strerror})") from error
-
-
-def read_objects(config: SimulateConfig) -> list[GraspObject]:
-    """Objects of a folder: our descriptions where there are any, else scanned meshes."""
-    folder = find(config.objects)
-    if any(folder.glob("*.yaml")):
-        return load_objects(folder)
-    from spgf_torch.objects.scans import load_scans
-
-    return [scan.object for scan in load_scans(folder, config.unit, config.collision)]
 
 
 if __name__ == "__main__":

@@ -6,8 +6,7 @@ import time
 from pathlib import Path
 
 from spgf_torch.cli import door
-from spgf_torch.config import TrainConfig, find
-from spgf_torch.objects.library import load_objects
+from spgf_torch.config import TrainConfig
 from spgf_torch.progress import Stages, show
 
 
@@ -25,10 +24,14 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.experiment.experiment import Design, Experiment
     from spgf_torch.experiment.space import Example
     from spgf_torch.experiment.tried import dataset_digest, open_hand, tried_grasps
+    from spgf_torch.objects.folders import read_objects
 
     check_device(config.device)
     start, stages = time.perf_counter(), Stages()
-    objects = load_objects(find(config.objects))
+    found = read_objects(config, stages)
+    objects = found.objects
+    for note in found.notes:
+        show(note)
     tried = tried_grasps(objects, config)
     cache = Cache.open(config.cache, config.cache_gb)
     volumes = open_hand(config.hand)

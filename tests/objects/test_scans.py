@@ -1,4 +1,4 @@
-"""Mesh folders as users have them: good ones in every format, and one line for each way to be wrong."""
+"""Mesh files as users have them: good ones in every format, what is mended, and one line for each way to be wrong."""
 
 from pathlib import Path
 
@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from spgf_torch.config import CLASSES, CollisionConfig, InputError, root, settings
-from spgf_torch.objects.scans import CATEGORIES, load_scans, read_mesh
+from spgf_torch.config import CollisionConfig, InputError, root, settings
+from spgf_torch.objects.mending import mended, open_edges
+from spgf_torch.objects.scans import FITTED, Scan, Source, fit, load_scan, read_mesh
 
 SCANS = root().parent / "shared" / "meshes"
 SIZE = (0.06, 0.04, 0.10)
@@ -22,39 +23,23 @@ def box(scale: float = 1.0) -> trimesh.Trimesh:
     return trimesh.creation.box(np.array(SIZE) * scale)
 
 
-def folder_of(place: Path, manifest: str | None, **meshes: trimesh.Trimesh) -> Path:
-    """A folder with `meshes` as NAME.ply and the manifest's lines under the usual heading."""
-    for name, mesh in meshes.items():
-        mesh.export(place / f"{name}.ply")
-    if manifest is not None:
-        (place / "manifest.csv").write_text("name,file,class\n" + manifest)
-    return place
+def loaded(
+    path: Path, mesh: trimesh.Trimesh, config: CollisionConfig, category: str = "boxes", unit: str = "m"
+) -> Scan:
+    mesh.export(path)
+    return load_scan(Source("thing", path, category), unit, 0.095, config)
 
 
-def test_the_manifest_says_name_class_and_mass(tmp_path: Path, config: CollisionConfig) -> None:
-    """Without a mass: 240 cm3 at 400 kg/m3 is 96 g. The inertia of a box about z: m (a^2 + b^2) / 12."""
-    folder_of(tmp_path, None, pack=box(), brick=box())
-    lines = ["name,file,class,mass,note", "pack,pack.ply,box,,a carton", "brick,brick.ply,box, 0.5 ,"]
-    (tmp_path / "manifest.csv").write_text("\n".join(lines))
-    brick, pack = load_scans(tmp_path, "m", config)
-    assert (brick.object.name, pack.object.name) == ("brick", "pack")
-    assert pack.object.category == "boxes"
-    assert brick.object.mass == 0.5
-    assert pack.object.mass == pytest.approx(0.096)
-    assert brick.object.inertia[2, 2] == pytest.approx(0.5 * (0.06**2 + 0.04**2) / 12)
-    assert np.allclose(brick.object.com, 0.0, atol=1e-9)
-    assert len(brick.object.parts) == brick.check.pieces == 1
-    assert brick.check.volume_ratio == pytest.approx(1.0, abs=0.03)
-
-
-def test_a_container_weighs_as_a_wall(tmp_path: Path, config: CollisionConfig) -> None:
-    """240 cm3 of wall at 1500 kg/m3: 360 g."""
-    (scan,) = load_scans(folder_of(tmp_path, "mug,mug.ply,container\n", mug=box()), "m", config)
-    assert scan.object.category == "containers" and scan.object.mass == pytest.approx(0.36)
-
-
-def test_every_class_of_the_manifest_is_a_class_of_the_paper() -> None:
-    assert tuple(CATEGORIES.values()) == CLASSES
+def test_mass_and_inertia_follow_from_the_class(tmp_path: Path, config: CollisionConfig) -> None:
+    """240 cm3: a box at 400 kg/m3 is 96 g, a wall at 1500 is 360 g. About z: m (a^2 + b^2) / 12."""
+    scan = loaded(tmp_path / "box.ply", box(), config)
+    assert scan.object.mass == pytest.approx(0.096)
+    assert scan.object.inertia[2, 2] == pytest.approx(0.096 * (0.06**2 + 0.04**2) / 12)
+    assert np.allclose(scan.object.com, 0.0, atol=1e-9)
+    assert len(scan.object.parts) == scan.check.pieces == 1
+    assert scan.check.volume_ratio == pytest.approx(1.0, abs=0.03)
+    assert loaded(tmp_path / "box.ply", box(), config, "containers").object.mass == pytest.approx(0.36)
+    assert load_scan(Source("brick", tmp_path / "box.ply", "boxes", 0.5), "m", 0.095, config).object.mass == 0.5
 
 
 @pytest.mark.parametrize("suffix", ["ply", "obj", "stl", "off", "glb"])
@@ -67,80 +52,97 @@ def test_formats_give_the_same_closed_mesh(tmp_path: Path, config: CollisionConf
     assert mesh.volume == pytest.approx(0.06 * 0.04 * 0.10, rel=1e-6)
 
 
+def test_vertices_are_merged_across_texture_seams(tmp_path: Path, config: CollisionConfig) -> None:
+    """An OBJ whose faces have texture coordinates of their own, and a material file that is not there."""
+    lines = ["mtllib lost.mtl", *(f"v {x} {y} {z}" for x, y, z in box().vertices)]
+    lines += [f"vt {i / 40:.3f} {i % 7 / 7:.3f}" for i in range(36)] + ["usemtl skin"]
+    for i, (a, b, c) in enumerate(box().faces + 1):
+        lines.append(f"f {a}/{3 * i + 1} {b}/{3 * i + 2} {c}/{3 * i + 3}")
+    (tmp_path / "textured.obj").write_text("\n".join(lines))
+    mesh = read_mesh(tmp_path / "textured.obj", "m", config)
+    assert len(mesh.vertices) == 8 and mesh.is_watertight
+
+
 @pytest.mark.parametrize(("unit", "scale"), [("m", 1.0), ("cm", 100.0), ("mm", 1000.0)])
 def test_the_unit_scales_to_metres(tmp_path: Path, config: CollisionConfig, unit: str, scale: float) -> None:
     box(scale).export(tmp_path / "box.ply")
     assert np.allclose(read_mesh(tmp_path / "box.ply", unit, config).extents, SIZE, rtol=1e-6)
 
 
+def test_a_mesh_without_a_unit_is_scaled_to_the_hand(tmp_path: Path, config: CollisionConfig) -> None:
+    """EGAD's rule: 6 x 4 x 10 becomes 57 x 38 x 95 mm for 95 mm; a cube's sides would be 95 > 76 mm, so they are 76.
+
+    The least box around a turned one is meant, not the box along the axes.
+    """
+    assert np.allclose(
+        loaded(tmp_path / "a.obj", box(100), config, unit=FITTED).object.mesh.extents, (0.057, 0.038, 0.095)
+    )
+    cube = trimesh.creation.box((2.0, 2.0, 2.0))
+    cube.apply_transform(trimesh.transformations.rotation_matrix(0.6, (1, 2, 3)))
+    assert fit(cube.vertices, 0.095) == pytest.approx(0.095 * 0.8 / 2.0)
+
+
 def test_the_frame_is_the_mesh_frame(tmp_path: Path, config: CollisionConfig) -> None:
-    mesh = box().apply_translation((0.3, -0.2, 0.5))
-    (scan,) = load_scans(folder_of(tmp_path, "far,far.ply,box\n", far=mesh), "m", config)
+    scan = loaded(tmp_path / "far.ply", box().apply_translation((0.3, -0.2, 0.5)), config)
     assert np.allclose(scan.object.com, (0.3, -0.2, 0.5), atol=1e-6)
     low, high = scan.object.parts[0].min(axis=0), scan.object.parts[0].max(axis=0)
     assert np.allclose((low + high) / 2, (0.3, -0.2, 0.5), atol=1e-3)
 
 
+def changed(faces: np.ndarray, extra: tuple[float, ...] | None = None) -> trimesh.Trimesh:
+    vertices = np.array(box().vertices)
+    return trimesh.Trimesh(vertices if extra is None else np.vstack([vertices, extra]), faces, process=False)
+
+
+FACES = np.array(box().faces)
+OPEN = changed(FACES[1:])
+FINNED = changed(np.vstack([FACES, [FACES[0][0], FACES[0][1], 8]]), (0.2, 0.2, 0.2))
+INVERTED = changed(FACES[:, ::-1])
+MIXED = changed(np.vstack([FACES[0][::-1], FACES[1:]]))
+TWO_MIXED = trimesh.util.concatenate([MIXED, box().apply_translation((0.2, 0, 0))])
+TWICE = changed(np.vstack([FACES, FACES[3]]))
+TWO_SIDED = changed(np.vstack([FACES, [[0, 1, 8], [8, 1, 0]]]), (0.2, 0.2, 0.2))
+
+
+def pricked(*triangles: int) -> trimesh.Trimesh:
+    """A ball of 30 mm radius with triangles of 5 mm side, some of them missing."""
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.03)
+    return trimesh.Trimesh(ball.vertices, np.delete(ball.faces, triangles, axis=0), process=False)
+
+
 @pytest.mark.parametrize(
-    ("line", "message"),
+    ("mesh", "words"),
     [
-        ("cup,box.ply,cupboard", r"manifest.csv:2: class: expected one of container, box, curved; got 'cupboard'"),
-        ("cup,none.ply,box", r"none.ply: expected the mesh that .*manifest.csv:2 lists, got nothing there"),
-        ("a/b,box.ply,box", r"manifest.csv:2: name: expected letters, digits, _ and -, got 'a/b'"),
-        ("..,box.ply,box", r"manifest.csv:2: name: expected letters, digits, _ and -, got '..'"),
-        ("cup,../box.ply,box", r"manifest.csv:2: file: expected a .* got '../box.ply'"),
-        ("cup,box.txt,box", r"manifest.csv:2: file: expected a .ply/.* got 'box.txt'"),
-        ("cup,box.ply,box\ncup,box.ply,box", r"manifest.csv:3: expected each name once, got cup again \(line 2\)"),
-        ("cup", r"manifest.csv:2: class: expected one of"),
-        ("", r"manifest.csv: expected one line a mesh, got none"),
+        (box(), []),
+        (INVERTED, ["12 of 12 faces turned outwards"]),
+        (MIXED, ["1 of 12 faces turned outwards"]),
+        (changed(np.vstack([FACES[0], FACES[1:, ::-1]])), ["11 of 12 faces turned outwards"]),
+        (TWICE, ["1 doubled faces left out"]),
+        (TWO_SIDED, ["2 doubled faces left out"]),
     ],
 )
-def test_a_wrong_manifest_is_named_with_its_line(
-    tmp_path: Path, config: CollisionConfig, line: str, message: str
-) -> None:
-    refused(folder_of(tmp_path, line, box=box()), "m", config, message)
+def test_what_has_one_right_answer_is_mended(mesh: trimesh.Trimesh, words: list[str]) -> None:
+    whole, told = mended(mesh, 0.005)
+    assert told == words
+    assert open_edges(whole) == (0, 0) and whole.is_winding_consistent
+    assert whole.volume == pytest.approx(0.06 * 0.04 * 0.10)
 
 
-def test_a_mass_must_be_kilograms(tmp_path: Path, config: CollisionConfig) -> None:
-    folder_of(tmp_path, None, box=box())
-    for mass in ("heavy", "0", "-1", "nan", "inf"):
-        (tmp_path / "manifest.csv").write_text(f"name,file,class,mass\ncup,box.ply,box,{mass}\n")
-        refused(tmp_path, "m", config, f"manifest.csv:2: mass: expected kilograms above 0, got '{mass}'")
+def test_pinholes_are_closed_and_wide_holes_left() -> None:
+    """Triangles 0 and 500 are far apart: two holes of 5 mm. A middle of the rim lies within 0.2 mm of the ball."""
+    whole, told = mended(pricked(0, 500), 0.006)
+    assert told == ["2 holes of up to 6 mm closed"] and open_edges(whole) == (0, 0)
+    assert whole.volume == pytest.approx(pricked().volume, rel=1e-3)
+    assert mended(pricked(0, 500), 0.002)[1] == []
+    assert open_edges(mended(pricked(0, 500), 0.002)[0]) == (6, 0)
 
 
-def test_folders_that_are_none(tmp_path: Path, config: CollisionConfig) -> None:
-    refused(tmp_path / "nowhere", "m", config, "nowhere: expected a folder of meshes, got nothing there")
-    refused(tmp_path, "m", config, r"expected meshes \(.ply, .obj, .stl, .off, .glb\), got none")
-    folder_of(tmp_path, None, box=box())
-    refused(tmp_path, "m", config, "manifest.csv: expected a table with the columns name, file, class .* got none")
-    refused(tmp_path / "box.ply", "m", config, "box.ply: expected a folder of meshes, got a file")
-    (tmp_path / "manifest.csv").write_text("object,path\na,b\n")
-    refused(tmp_path, "m", config, "expected the columns name, file, class; got object, path")
-    (tmp_path / "manifest.csv").write_bytes(b"name,file,class\n\xff\xfe\x00,x,y\n")
-    refused(tmp_path, "m", config, "manifest.csv: expected a table of comma-separated text")
-    refused(tmp_path, "inch", config, "unit: expected one of m, cm, mm; got inch")
-
-
-def open_box() -> trimesh.Trimesh:
-    mesh = box()
-    return trimesh.Trimesh(mesh.vertices, mesh.faces[1:], process=False)
-
-
-def finned_box() -> trimesh.Trimesh:
-    """A third face at one edge: 1 edge with more than two faces, 2 open ones."""
-    mesh = box()
-    vertices = np.concatenate([mesh.vertices, [[0.2, 0.2, 0.2]]])
-    return trimesh.Trimesh(vertices, [*mesh.faces, [mesh.faces[0][0], mesh.faces[0][1], 8]], process=False)
-
-
-def inverted_box() -> trimesh.Trimesh:
-    mesh = box()
-    return trimesh.Trimesh(mesh.vertices, mesh.faces[:, ::-1], process=False)
-
-
-def mixed_box() -> trimesh.Trimesh:
-    mesh = box()
-    return trimesh.Trimesh(mesh.vertices, [mesh.faces[0][::-1], *mesh.faces[1:]], process=False)
+def test_a_mended_mesh_says_so(tmp_path: Path, config: CollisionConfig) -> None:
+    assert loaded(tmp_path / "cup.ply", INVERTED, config).mended == "12 of 12 faces turned outwards"
+    assert loaded(tmp_path / "cup.ply", box(), config).mended == ""
+    with pytest.raises(InputError, match=r"cup.ply: expected normals .* got an inverted mesh \(volume -240 cm3\)"):
+        INVERTED.export(tmp_path / "cup.ply")
+        read_mesh(tmp_path / "cup.ply", "m", config)
 
 
 def nan_box() -> trimesh.Trimesh:
@@ -153,17 +155,18 @@ def nan_box() -> trimesh.Trimesh:
 @pytest.mark.parametrize(
     ("mesh", "message"),
     [
-        (open_box(), "expected a closed surface, .* got 3 open edges and 0 edges with more"),
-        (finned_box(), "expected a closed surface, .* got 2 open edges and 1 edges with more"),
-        (inverted_box(), r"expected normals pointing outwards, got an inverted mesh \(volume -240 cm3\)"),
-        (mixed_box(), "expected all faces to turn the same way round"),
+        (OPEN, "expected a closed surface, .* got 3 open edges and 0 edges with more"),
+        (FINNED, "expected a closed surface, .* got 2 open edges and 1 edges with more"),
+        (TWO_MIXED, "expected all faces to turn the same way round"),
         (nan_box(), "expected finite vertices, got 1 of 8 with NaN or infinity"),
         (box(1000), "expected an extent of 0.005 to 1 m, got 100 m with unit=m; unit=cm or unit=mm would fit"),
         (box(0.001), "expected an extent of 0.005 to 1 m, got 0.0001 m with unit=m"),
     ],
 )
 def test_a_bad_mesh_is_refused(tmp_path: Path, config: CollisionConfig, mesh: trimesh.Trimesh, message: str) -> None:
-    refused(folder_of(tmp_path, "cup,cup.ply,box\n", cup=mesh), "m", config, r"cup\.ply: " + message)
+    with pytest.raises(InputError, match=r"cup\.ply: " + message) as error:
+        loaded(tmp_path / "cup.ply", mesh, config)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -193,16 +196,9 @@ def test_a_mesh_in_millimetres_read_as_metres_too_small(tmp_path: Path, config: 
 
 
 @pytest.mark.skipif(not SCANS.is_dir(), reason="the scans are not part of the repository")
-def test_a_scanned_bowl_with_a_wall_of_one_millimetre_keeps_volume_and_cavity(tmp_path: Path) -> None:
-    (tmp_path / "bowl.ply").write_bytes((SCANS / "ycb_024_bowl.ply").read_bytes())
-    (scan,) = load_scans(folder_of(tmp_path, "bowl,bowl.ply,container\n"), "m", settings(CollisionConfig))
+def test_a_scanned_bowl_with_a_wall_of_one_millimetre_keeps_volume_and_cavity() -> None:
+    source = Source("bowl", SCANS / "ycb_024_bowl.ply", "containers")
+    scan = load_scan(source, "m", 0.095, settings(CollisionConfig))
     assert abs(scan.check.volume_ratio - 1.0) <= 0.15
     assert scan.check.free_space_kept >= 0.95
-    assert scan.check.pieces <= 500
-
-
-def refused(folder: Path, unit: str, config: CollisionConfig, message: str) -> None:
-    """One line that matches."""
-    with pytest.raises(InputError, match=message) as error:
-        load_scans(folder, unit, config)
-    assert "\n" not in str(error.value)
+    assert scan.check.pieces <= 500 and scan.mended == ""
