@@ -55,6 +55,16 @@ def read_depth(path: Path, scale: float, unit: str) -> np.ndarray:
     return depth
 
 
+def check_depth(depth: np.ndarray, name: str, low: float, high: float) -> None:
+    """InputError that names the options where the median of a depth image is not between two depths, m."""
+    median = float(np.median(depth[np.isfinite(depth) & (depth > 0)]))
+    if not low <= median <= high:
+        raise InputError(
+            f"{name}: expected a median depth of {low:g} to {high:g} m, got {median:.4g} m; another depth_scale "
+            "(.png) or unit (.npy)?"
+        )
+
+
 def read_mask(path: Path) -> np.ndarray:
     """(H, W) bool: which pixels of a mask image (any kind, or .npy) are not 0."""
     existing(path)

@@ -40,7 +40,8 @@ def oriented(cloud: Cloud, config: SceneConfig) -> Cloud:
     """The cloud without its outliers and with normals out of the surface.
 
     A point with fewer than `config.min_neighbours` others within `config.normal_radius` is an outlier. Given normals
-    are checked, missing ones estimated and turned to the viewpoint that sees each point best.
+    are checked, missing ones estimated and turned to the viewpoint that sees each point best; a point with fewer
+    neighbours that face as it does is an outlier too.
 
     Args:
         cloud: m.
@@ -64,8 +65,9 @@ def oriented(cloud: Cloud, config: SceneConfig) -> Cloud:
     if cloud.normals is None:
         assert cloud.viewpoints is not None
         _check_outside(cloud)
-        rough, _ = facing(cloud.points, principal_normals(cloud.points, index), cloud.viewpoints, pitch)
-        return replace(cloud, normals=principal_normals(cloud.points, index, rough)).select(kept)
+        rough, _ = facing(cloud.points, principal_normals(cloud.points, index)[0], cloud.viewpoints, pitch)
+        normals, alike = principal_normals(cloud.points, index, rough)
+        return replace(cloud, normals=normals).select(kept & (alike >= config.min_neighbours))
     cloud = cloud.select(kept)
     _check_outwards(cloud, pitch)
     return cloud
@@ -95,18 +97,23 @@ def neighbourhoods(points: np.ndarray, neighbours: int, radius: float) -> tuple[
     return index, float(np.median(beside))
 
 
-def principal_normals(points: np.ndarray, index: np.ndarray, alike: np.ndarray | None = None) -> np.ndarray:
-    """(N, 3) unit direction of least variance around every point, of either sign.
+def principal_normals(
+    points: np.ndarray, index: np.ndarray, alike: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """The direction of least variance around every point.
 
     Args:
         points: (N, 3) m.
         index: (N, k) neighbours of each; the point's own index does not count twice.
         alike: (N, 3) normals; if given, only neighbours whose normals are within 60 deg of the point's own count:
             the other side of a thin wall and the other face of an edge do not. The result keeps their side.
+
+    Returns:
+        (N, 3) unit normals, of either sign without `alike`, and (N,) how many other points counted.
     """
     columns = np.ascontiguousarray(points.T)
     towards = None if alike is None else np.ascontiguousarray(alike.T)
-    normals = np.empty_like(points)
+    normals, counted = np.empty_like(points), np.empty(len(points), np.int64)
     for start in range(0, len(points), _CHUNK):
         near = index[start : start + _CHUNK]
         part = slice(start, start + len(near))
@@ -115,13 +122,14 @@ def principal_normals(points: np.ndarray, index: np.ndarray, alike: np.ndarray |
         if towards is not None:
             counts &= sum(axis[near] * axis[part, None] for axis in towards) > _ALIKE
         offset = [np.where(counts, axis[near] - axis[part, None], 0.0) for axis in columns]
-        size = counts.sum(axis=1) + 1
+        counted[part] = counts.sum(axis=1)
+        size = counted[part] + 1
         mean = np.stack([x.sum(axis=1) for x in offset]) / size
         second = np.stack([np.einsum("nk,nk->n", offset[i], offset[j]) for i, j in zip(_ROW, _COLUMN, strict=True)])
         normals[part] = smallest_eigenvectors(second / size - mean[_ROW] * mean[_COLUMN])
     if alike is not None:
         normals *= np.where((normals * alike).sum(axis=1) < 0, -1.0, 1.0)[:, None]
-    return normals
+    return normals, counted
 
 
 def facing(

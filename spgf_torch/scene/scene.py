@@ -14,6 +14,7 @@ from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, vectors, voxel_means
 from spgf_torch.scene.depth import (
     camera_of,
+    check_depth,
     every,
     learned_stride,
     read_depth,
@@ -146,6 +147,7 @@ def read_views(paths: Sequence[Path], config: SceneConfig) -> list[tuple[np.ndar
     views = []
     for i, (path, T) in enumerate(zip(paths, _poses(config, count), strict=True)):
         depth = read_depth(path, config.depth_scale, config.unit)
+        check_depth(depth, str(path), config.min_extent, config.max_extent)
         if masks:
             keep = read_mask(masks[i])
             if keep.shape != depth.shape:

@@ -42,22 +42,20 @@ def _bounds(clouds: Sequence[Cloud]) -> tuple[np.ndarray, np.ndarray]:
 def _check_extent(clouds: Sequence[Cloud], config: SceneConfig) -> None:
     low, high = _bounds(clouds)
     extent = float((high - low).max())
-    options = f"unit={config.unit}"
     if not config.min_extent <= extent <= config.max_extent:
-        if config.intrinsics is not None:
-            options += f" and depth_scale={config.depth_scale:g}"
         other = {"m": "mm", "mm": "m"}[config.unit]
         fits = config.min_extent <= extent * METRES[other] / METRES[config.unit] <= config.max_extent
+        hint = f"unit={other} would fit" if fits else "give crop_low and crop_high?"
         raise InputError(
             f"{clouds[0].name}: expected an extent of {config.min_extent:g} to {config.max_extent:g} m, got "
-            f"{extent:.4g} m with {options}; {f'unit={other} would fit' if fits else 'give crop_low and crop_high?'}"
+            f"{extent:.4g} m with unit={config.unit}; {hint}"
         )
     for cloud in clouds:
         away = 0.0 if cloud.viewpoints is None else np.abs(cloud.viewpoints - (low + high) / 2).max()
         if away > config.max_extent:
             raise InputError(
                 f"viewpoints: expected within {config.max_extent:g} m of the points, got {away:.4g} m away; settings "
-                f"are in m, the file's own in its unit ({options})"
+                f"are in m, the file's own in its unit (unit={config.unit})"
             )
 
 

@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 import trimesh
 
-VIEWS = 0.7 * np.array([[x, y, 1.0] for x in (-1, 1) for y in (-1, 1)]) / np.sqrt(3)
-
 
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(7)
+
+
+@pytest.fixture(scope="session")
+def views() -> np.ndarray:
+    """(4, 3) viewpoints around the origin, 0.7 m away and 35 deg above the horizon."""
+    return 0.7 * np.array([[x, y, 1.0] for x in (-1, 1) for y in (-1, 1)]) / np.sqrt(3)
 
 
 @pytest.fixture(scope="session")
@@ -38,12 +42,12 @@ def tray() -> trimesh.Trimesh:
 
 
 @pytest.fixture(scope="session")
-def seen_tray(tray: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
+def seen_tray(tray: trimesh.Trimesh, views: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Points of the tray that four cameras above it see, and the normals of the faces that they lie on."""
     points, face = trimesh.sample.sample_surface(tray, 40000, seed=1)
     normals = tray.face_normals[face]
     seen = np.zeros(len(points), bool)
-    for eye in VIEWS:
+    for eye in views:
         ray = eye - points
         towards = (ray * normals).sum(axis=1) > 0.2 * np.linalg.norm(ray, axis=1)
         seen |= towards & ~tray.ray.intersects_any(points + 1e-5 * normals, ray)

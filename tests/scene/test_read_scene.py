@@ -1,0 +1,186 @@
+"""Clouds and meshes from file to texlets, and the settings that cannot be used."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.scene.scene import Scene, read_scene
+from spgf_torch.sensing.cameras import surround
+from spgf_torch.sensing.sense import observe
+
+SENSING = settings(SensingConfig)
+Oriented = tuple[np.ndarray, np.ndarray]
+
+
+def read(seed: int = 0, **given: object) -> Scene:
+    given["input"] = [str(path) for path in given["input"]] if isinstance(given["input"], list) else str(given["input"])
+    return read_scene(settings(SceneConfig, **given), SENSING, np.random.default_rng(seed))
+
+
+@pytest.fixture
+def cloud(ball: Oriented, tmp_path: Path) -> Path:
+    """The upper part of the ball as a cloud of points alone."""
+    np.save(tmp_path / "ball.npy", ball[0][ball[1][:, 2] > 0.2])
+    return tmp_path / "ball.npy"
+
+
+def test_a_cloud_from_file_to_texlets(cloud: Path) -> None:
+    scene = read(input=cloud, viewpoints=[[0.1, 0, 1.0]])
+    outwards = scene.texlets.positions - torch.tensor([0.1, 0, 0.2])
+    assert len(scene.texlets) > 200
+    assert scene.texlets.positions.dtype == scene.points.dtype == torch.float32
+    torch.testing.assert_close(scene.texlets.normals.norm(dim=1), torch.ones(len(scene.texlets)))
+    assert ((outwards / 0.05) * scene.texlets.normals).sum(1).min() > 0.95
+    np.testing.assert_array_equal(scene.viewpoints, [[0.1, 0, 1.0]])
+    assert scene.plane is None
+    assert any(note.startswith("voxels of 0.002 m") for note in scene.notes)
+
+
+def test_the_same_seed_gives_the_same_texlets(cloud: Path) -> None:
+    first, again, other = (read(seed, input=cloud, viewpoints=[[0.1, 0, 1.0]]) for seed in (1, 1, 2))
+    torch.testing.assert_close(first.texlets.positions, again.texlets.positions, atol=0, rtol=0)
+    assert other.texlets.positions.shape != first.texlets.positions.shape or (
+        (other.texlets.positions != first.texlets.positions).any()
+    )
+
+
+def test_millimetres_in_the_file_metres_in_the_settings(cloud: Path, ball: Oriented, tmp_path: Path) -> None:
+    up = ball[1][:, 2] > 0.2
+    np.savez(tmp_path / "mm.npz", points=1000 * ball[0][up], viewpoints=[[100.0, 0, 1000]])
+    by_file = read(input=tmp_path / "mm.npz", unit="mm")
+    by_setting = read(input=cloud, viewpoints=[[0.1, 0, 1.0]])
+    torch.testing.assert_close(by_file.texlets.positions, by_setting.texlets.positions, atol=1e-6, rtol=0)
+
+
+def test_each_cloud_is_turned_to_its_own_viewpoint(ball: Oriented, tmp_path: Path) -> None:
+    """Two halves seen from two sides, the second from far: together they make the ball."""
+    points, normals = ball
+    for name, side, eye in (("a", 1, 0.6), ("b", -1, 4.0)):
+        half = normals[:, 0] * side > 0.2
+        np.savez(tmp_path / f"{name}.npz", points=points[half], viewpoints=[[0.1 + side * eye, 0, 0.2]])
+    scene = read(input=[tmp_path / "a.npz", tmp_path / "b.npz"])
+    outwards = scene.texlets.positions - torch.tensor([0.1, 0, 0.2])
+    assert (outwards[:, 0] > 0.02).any() and (outwards[:, 0] < -0.02).any()
+    assert (outwards * scene.texlets.normals).sum(1).min() > 0.9 * 0.05
+    assert len(scene.viewpoints) == 2
+
+
+def test_a_crop_keeps_what_is_inside(cloud: Path) -> None:
+    scene = read(input=cloud, viewpoints=[[0.1, 0, 1.0]], crop_low=[0.1, -1, -1], crop_high=[1, 1, 0.24])
+    assert scene.points[:, 0].min() >= 0.1
+    assert scene.points[:, 2].max() <= 0.24
+    assert scene.notes[0].startswith("crop: ")
+
+
+def test_a_mesh_is_seen_as_in_training(tray: trimesh.Trimesh, tmp_path: Path) -> None:
+    tray.export(tmp_path / "tray.ply")
+    mesh = trimesh.load_mesh(tmp_path / "tray.ply", process=False)
+    cameras = surround(SENSING, mesh.bounds.mean(axis=0))
+    expected = observe(mesh, cameras, SENSING, np.random.default_rng(0))
+    scene = read(input=tmp_path / "tray.ply")
+    torch.testing.assert_close(scene.texlets.positions, expected.positions)
+    torch.testing.assert_close(scene.texlets.normals, expected.normals)
+    assert len(scene.viewpoints) == 4
+    above = read(input=tmp_path / "tray.ply", table=[0, 0, 1, 0.025])
+    assert above.texlets.positions[:, 2].min() > -0.025 + 0.008 - 1e-6
+    assert 0 < len(above.texlets) < len(expected)
+
+
+def test_a_mesh_is_sampled_whole(tmp_path: Path) -> None:
+    """A box of 60 mm in mm: every side has its texlets, the lower one too, which no camera sees."""
+    trimesh.creation.box([60.0, 60, 60]).export(tmp_path / "box.stl")
+    scene = read(input=tmp_path / "box.stl", unit="mm", mesh="whole")
+    sides = scene.texlets.normals
+    for axis in range(3):
+        for sign in (-1, 1):
+            on = sides[:, axis] * sign > 0.9
+            assert on.sum() > 40
+            torch.testing.assert_close(
+                scene.texlets.positions[on][:, axis], torch.full((int(on.sum()),), sign * 0.03), atol=1e-3, rtol=0
+            )
+    assert scene.viewpoints is None
+
+
+def test_notes_and_plane_of_a_scene_on_a_table(cloud: Path, tmp_path: Path) -> None:
+    ball = np.load(cloud)
+    table = np.column_stack([np.random.default_rng(0).random((8000, 2)) * 0.4 - [0.1, 0.2], np.full(8000, 0.15)])
+    np.save(tmp_path / "scene.npy", np.concatenate([ball, table]))
+    scene = read(input=tmp_path / "scene.npy", viewpoints=[[0.1, 0, 1.0]], table="find")
+    np.testing.assert_allclose(scene.plane, [0, 0, 1, -0.15], atol=1e-6)
+    assert scene.points[:, 2].min() > 0.155
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({}, r"expected normals or a viewpoint .* give viewpoints=\[\[x,y,z\]"),
+        ({"viewpoints": [0, 0, 1]}, "viewpoints: expected any number x 3 finite numbers"),
+        ({"viewpoints": [[0, 0, "a"]]}, "viewpoints: expected any number x 3 numbers"),
+        ({"viewpoints": [[0, 0, 700]]}, r"viewpoints: expected within 10 m of the points, got .* settings are in m"),
+        ({"viewpoints": [[0.1, 0, 0.22]]}, "expected the viewpoint outside of the points"),
+        ({"unit": "mm"}, r"expected an extent of 0\.01 to 10 m, got 9\.783e-05 m with unit=mm; unit=m would fit"),
+        ({"crop_low": [1, 1, 1]}, r"expected points in the box, got none; they span x .* m with unit=m"),
+        ({"crop_low": [1, 0, 0], "crop_high": [0, 1, 1]}, "crop_low: expected below crop_high"),
+        ({"crop_low": [1, 0]}, "crop_low: expected 3 finite numbers"),
+        ({"crop_high": "box"}, "crop_high: expected 3 numbers, got 'box'"),
+        ({"max_points": 10}, r"ball.npy: expected at most 10 points \(max_points\)"),
+        ({"mask": "m.png"}, "mask: expected with depth images, which need intrinsics only"),
+        ({"poses": "T.txt"}, "poses: expected with depth images"),
+        ({"stride": 2}, "stride: expected with depth images"),
+        ({"intrinsics": "K.txt"}, "K.txt: expected a file, got nothing there"),
+        ({"normal_radius": 0.001, "viewpoints": [[0, 0, 1]]}, "give a larger normal_radius"),
+        ({"table": "find", "viewpoints": [[0, 0, 1]]}, "table: expected a plane with 20% of the points"),
+    ],
+)
+def test_settings_that_do_not_fit(changes: dict, message: str, cloud: Path) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        read(**{"input": cloud, **changes})
+    assert "\n" not in str(caught.value)
+
+
+def test_metres_that_are_millimetres(ball: Oriented, tmp_path: Path) -> None:
+    np.save(tmp_path / "mm.npy", 1000 * ball[0])
+    with pytest.raises(InputError, match=r"mm.npy: expected .* got 99.98 m with unit=m; unit=mm would fit"):
+        read(input=tmp_path / "mm.npy", viewpoints=[[0, 0, 1]])
+    trimesh.creation.box([60.0, 60, 60]).export(tmp_path / "box.stl")
+    for mesh, message in (("whole", "unit=mm would fit"), ("sensed", r"got 51\.96 m with unit=m; the other unit")):
+        with pytest.raises(InputError, match=message):
+            read(input=tmp_path / "box.stl", mesh=mesh)
+
+
+def test_bad_meshes(tray: trimesh.Trimesh, tmp_path: Path) -> None:
+    inverted = trimesh.creation.box([0.06] * 3)
+    inverted.invert()
+    inverted.export(tmp_path / "inverted.stl")
+    with pytest.raises(InputError, match="expected normals pointing outwards, got an inverted mesh"):
+        read(input=tmp_path / "inverted.stl", mesh="whole")
+    (tmp_path / "lines.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
+    with pytest.raises(InputError, match=r"lines\.obj: expected a mesh with faces, got none"):
+        read(input=tmp_path / "lines.obj")
+    (tmp_path / "nan.obj").write_text("v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(InputError, match="expected finite vertices, got 1 of 3"):
+        read(input=tmp_path / "nan.obj")
+    tray.export(tmp_path / "tray.glb")
+    whole = (tmp_path / "tray.glb").read_bytes()
+    (tmp_path / "tray.glb").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match=r"expected a .glb mesh, got a damaged file"):
+        read(input=tmp_path / "tray.glb")
+    with pytest.raises(InputError, match="expected a file, got nothing there"):
+        read(input=tmp_path / "none.stl")
+    with pytest.raises(InputError, match="input: expected one mesh or several clouds, got 2 meshes in 2 files"):
+        read(input=[tmp_path / "inverted.stl"] * 2)
+
+
+@pytest.mark.parametrize("given", [None, [], 3, ["a.ply", 4]])
+def test_input_must_be_files(given: object) -> None:
+    with pytest.raises(InputError, match="input: expected a file or a list of files, got"):
+        read_scene(settings(SceneConfig, input=given), SENSING, np.random.default_rng(0))
+
+
+def test_a_folder_for_a_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="expected a file, got a folder"):
+        read(input=tmp_path)

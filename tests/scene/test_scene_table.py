@@ -1,0 +1,109 @@
+"""The table is found, removed, kept as a plane, and refused where there is none."""
+
+import re
+
+import numpy as np
+import pytest
+
+from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.scene.cloud import Cloud
+from spgf_torch.scene.scene import scene_of_clouds
+from spgf_torch.scene.table import find_plane, given_plane, height
+
+SENSING = settings(SensingConfig)
+EYE = np.array([0.3, -0.4, 0.8])
+
+
+@pytest.fixture(scope="module")
+def tabletop() -> Cloud:
+    """A table of 0.5 x 0.4 m at z = 0.1 with 1 mm of noise, half a ball of 50 mm on it, a floor 0.2 m below."""
+    rng = np.random.default_rng(0)
+    table = np.column_stack([rng.random((6000, 2)) * [0.5, 0.4], rng.normal(0.1, 0.001, 6000)])
+    up = rng.normal(size=(3000, 3))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    ball = 0.05 * up * [1, 1, np.nan] + [0.2, 0.2, 0]
+    ball[:, 2] = 0.1 + 0.05 * np.abs(up[:, 2])
+    floor = np.column_stack([rng.random((500, 2)) - [0.2, 1.0], np.full(500, -0.1)])
+    return Cloud(np.concatenate([table, ball, floor]), None, EYE[None])
+
+
+@pytest.mark.parametrize("table", ["find", [0, 0, 2, -0.2]], ids=["found", "given"])
+def test_what_lies_above_the_table_is_kept(table: object, tabletop: Cloud) -> None:
+    config = settings(SceneConfig, table=table)
+    scene = scene_of_clouds([tabletop], config, SENSING, np.random.default_rng(0))
+    assert scene.plane is not None
+    np.testing.assert_allclose(scene.plane, [0, 0, 1, -0.1], atol=1e-3)
+    above = height(scene.points.numpy(), scene.plane)
+    assert above.min() > config.table_distance - 1e-6
+    assert np.linalg.norm(scene.texlets.positions.numpy() - [0.2, 0.2, 0.1], axis=1).max() < 0.055
+    below = [re.search(r"^table \(.* points on it and (\d+) below removed of", note) for note in scene.notes]
+    assert [450 < int(match[1]) <= 500 for match in below if match] == [True]
+
+
+def test_the_same_generator_finds_the_same_table(tabletop: Cloud) -> None:
+    config = settings(SceneConfig)
+    first, again = (find_plane(tabletop.points, EYE, config, np.random.default_rng(4)) for _ in range(2))
+    np.testing.assert_array_equal(first, again)
+
+
+def test_the_side_of_the_objects(tabletop: Cloud) -> None:
+    """That of the camera; without one, that of most points beside the plane."""
+    config, rng = settings(SceneConfig), np.random.default_rng(0)
+    assert find_plane(tabletop.points, EYE, config, rng)[2] > 0
+    assert find_plane(tabletop.points, EYE * [1, 1, -1], config, rng)[2] < 0
+    assert find_plane(tabletop.points, None, config, rng)[2] > 0
+
+
+def test_a_tilted_table_in_a_moved_frame(tabletop: Cloud) -> None:
+    """A plane n . x + d = 0 moved by R, t is (R n) . x + d - (R n) . t = 0."""
+    turn, shift = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]), np.array([0.1, 0.2, 0.3])
+    moved = find_plane(
+        tabletop.points @ turn.T + shift, EYE @ turn.T + shift, settings(SceneConfig), np.random.default_rng(0)
+    )
+    np.testing.assert_allclose(moved, [1, 0, 0, -0.1 - 0.1], atol=1e-3)
+
+
+def test_a_box_alone_has_no_table(rng: np.random.Generator) -> None:
+    """The largest side of a box holds most of its points, but is no table."""
+    side = np.column_stack([rng.random((2000, 2)) * 0.15, np.zeros(2000)])
+    box = np.concatenate([side, np.roll(side, 1, axis=1), np.roll(side, 2, axis=1)])
+    with pytest.raises(
+        InputError, match=r"table: expected a plane with 20% of the points and 0\.2 m wide, got at best"
+    ):
+        find_plane(box, None, settings(SceneConfig), rng)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (np.zeros((2, 3)), "got 2 points"),
+        (np.arange(30.0)[:, None] * [[1, 2, 3]], "points on one line"),
+        (np.random.default_rng(0).random((3000, 3)), "got at best"),
+    ],
+)
+def test_no_plane(points: np.ndarray, message: str, rng: np.random.Generator) -> None:
+    with pytest.raises(InputError, match=message):
+        find_plane(points, None, settings(SceneConfig), rng)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([0, 0, 0, 1], r"table: expected a normal \(a, b, c\) other than 0"),
+        ([0, 0, 1], "table: expected 4 finite numbers"),
+        ([0, 0, 1, float("nan")], "table: expected 4 finite numbers"),
+        ({"a": 1}, "table: expected 4 numbers"),
+    ],
+)
+def test_planes_that_are_none(values: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        given_plane(values)
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [("floor", r"table: expected null, find or \[a,b,c,d\], got floor"), ([0, 0, 1, -5], "above the plane, got none")],
+)
+def test_tables_that_leave_nothing(table: object, message: str, tabletop: Cloud) -> None:
+    with pytest.raises(InputError, match=message):
+        scene_of_clouds([tabletop], settings(SceneConfig, table=table), SENSING, np.random.default_rng(0))
