@@ -162,13 +162,20 @@ def every(depth: np.ndarray, camera: Camera, stride: int) -> tuple[np.ndarray, C
     return fewer, replace(camera, K=K, width=fewer.shape[1], height=fewer.shape[0])
 
 
-def learned_stride(depth: np.ndarray, camera: Camera, sensing: SensingConfig) -> int:
-    """The stride that sets pixels as far apart on what is seen as those of the camera that the model learned from."""
-    returned = depth[np.isfinite(depth) & (depth > 0)]
-    if not len(returned):
-        return 1
-    apart = float(np.median(returned)) / camera.K[0, 0]
+def learned_stride(depth: np.ndarray, K: np.ndarray, sensing: SensingConfig) -> int:
+    """The stride that sets pixels as far apart on what is seen as those of the camera that the model learned from.
+
+    Args:
+        depth: of the pixels that matter, any shape, m, all above 0.
+    """
+    apart = float(np.median(depth)) / K[0, 0]
     return max(1, round(sensing.distance / sensing.focal / apart))
+
+
+def pixel_points(depth: np.ndarray, camera: Camera) -> np.ndarray:
+    """(H, W, 3) m: where the pixels of a depth image lie, in the frame that the camera's pose refers to."""
+    T = camera.T_object_camera
+    return (depth[..., None] * camera.rays()) @ T[:3, :3].T + T[:3, 3]
 
 
 def surface(depth: np.ndarray, camera: Camera, sensing: SensingConfig, name: str) -> Cloud:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -108,9 +109,9 @@ def _text(path: Path, limit: int) -> Cloud:
     return checked(path, Cloud(table[:, :3], table[:, 3:] if table.shape[1] == 6 else None), organised=False)
 
 
-def _layout(lines: object) -> tuple[list[str], str | None, int]:
+def _layout(lines: Iterable[str]) -> tuple[list[str], str | None, int]:
     """Column names ([] if none), delimiter (None: white space) and lines to skip of a table of numbers."""
-    for number, line in enumerate(lines):  # type: ignore[arg-type, var-annotated]
+    for number, line in enumerate(lines):
         text = line.strip()
         if not text or text.startswith(("#", "//")):
             continue

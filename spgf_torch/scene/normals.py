@@ -47,8 +47,8 @@ def oriented(cloud: Cloud, config: SceneConfig) -> Cloud:
         cloud: m.
 
     Raises:
-        InputError: neither normals nor viewpoints, a viewpoint among the points, points too far apart for normals,
-            given normals that mostly point inwards.
+        InputError: neither normals nor viewpoints, a viewpoint among the points, given normals that mostly point
+            inwards.
     """
     if cloud.normals is None and cloud.viewpoints is None:
         raise InputError(
@@ -57,11 +57,8 @@ def oriented(cloud: Cloud, config: SceneConfig) -> Cloud:
         )
     index, pitch = neighbourhoods(cloud.points, config.neighbours, config.normal_radius)
     kept = (index != np.arange(len(index))[:, None]).sum(axis=1) >= config.min_neighbours
-    if 2 * kept.sum() < len(kept):
-        raise InputError(
-            f"{cloud.name}: expected most points to have {config.min_neighbours} others within normal_radius="
-            f"{config.normal_radius:g} m, got {1 - kept.mean():.0%} with fewer; give a larger normal_radius"
-        )
+    if not kept.any():
+        return replace(cloud.select(kept), normals=np.zeros((0, 3)))
     if cloud.normals is None:
         assert cloud.viewpoints is not None
         _check_outside(cloud)
@@ -207,7 +204,8 @@ def _check_outwards(cloud: Cloud, pitch: float) -> None:
         away = float(((turned * cloud.normals).sum(axis=1) < 0)[seen].mean())
         if away > 0.5:
             raise InputError(
-                f"{cloud.name}: expected normals towards the viewpoints, got {away:.0%} that point away; flip them"
+                f"{cloud.name}: expected normals towards the viewpoints, got {away:.0%} that point away; flip them, "
+                "or give other viewpoints"
             )
         return
     if outwardness(cloud.points, cloud.normals) < _INWARDS:

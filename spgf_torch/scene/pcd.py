@@ -18,6 +18,7 @@ POINT, NORMAL = ("x", "y", "z"), ("normal_x", "normal_y", "normal_z")
 _TYPES = {
     (k, s): f"<{k.lower()}{s}" for k, sizes in (("F", (4, 8)), ("I", (1, 2, 4, 8)), ("U", (1, 2, 4, 8))) for s in sizes
 }
+_LONGEST_HEADER = 1 << 16  # bytes
 _IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
@@ -61,9 +62,11 @@ def read_pcd(path: Path, limit: int) -> Cloud:
     Raises:
         InputError: a header or data that are not as the specification says, x, y or z missing, a file cut in half.
     """
-    content = path.read_bytes()
-    header = _header(path, content)
-    check_count(path, header.points, limit)
+    with path.open("rb") as stream:
+        header = _header(path, stream.read(_LONGEST_HEADER))
+        check_count(path, header.points, limit)
+        stream.seek(header.size)
+        body = stream.read()
     missing = [name for name in POINT if name not in header.fields]
     if missing:
         raise InputError(f"{path}: FIELDS: expected x y z, got {' '.join(header.fields)}")
@@ -72,7 +75,7 @@ def read_pcd(path: Path, limit: int) -> Cloud:
         if header.counts[header.fields.index(name)] != 1:
             raise InputError(f"{path}: COUNT of {name}: expected 1, got {header.counts[header.fields.index(name)]}")
     columns = {"ascii": _ascii, "binary": _binary, "binary_compressed": _compressed}[header.data](
-        path, content[header.size :], header, [header.fields.index(name) for name in wanted]
+        path, body, header, [header.fields.index(name) for name in wanted]
     )
     known = header.viewpoint != _IDENTITY or len(wanted) == 3
     viewpoints = np.array([header.viewpoint[:3]]) if known else None
@@ -85,7 +88,7 @@ def _header(path: Path, content: bytes) -> Header:
     start = 0
     while "DATA" not in entries:
         end = content.find(b"\n", start)
-        if end < 0 or start > 1 << 16:
+        if end < 0:
             raise InputError(
                 f"{path}: expected a PCD header that ends with DATA, got {'none' if not entries else 'a part of one'}"
             )

@@ -17,6 +17,7 @@ from spgf_torch.scene.depth import (
     check_depth,
     every,
     learned_stride,
+    pixel_points,
     read_depth,
     read_intrinsics,
     read_mask,
@@ -26,7 +27,7 @@ from spgf_torch.scene.depth import (
 from spgf_torch.scene.files import read_cloud
 from spgf_torch.scene.meshes import is_mesh, sampled, sensed
 from spgf_torch.scene.normals import oriented
-from spgf_torch.scene.selection import cropped, viewpoints_of, without_table
+from spgf_torch.scene.selection import crop_box, cropped, viewpoints_of, within, without_table
 from spgf_torch.sensing.cameras import Camera
 from spgf_torch.sensing.texlets import Texlets, thin
 
@@ -37,7 +38,7 @@ class Scene:
 
     Attributes:
         texlets: for the model.
-        points: (M, 3) float32, m: what a hand must not touch; without the table.
+        points: (M, 3) float32, m: what a hand must not touch, one a voxel; without the table.
         plane: (4,) float64 a, b, c, d of the removed table, a x + b y + c z + d the height above it in m; or None.
         viewpoints: (V, 3) float64, m, from where it was seen; None where not known.
         notes: what was removed, a line each.
@@ -99,9 +100,15 @@ def scene_of_clouds(
     clouds, plane = without_table(clouds, config, generator, notes)
     before = sum(map(len, clouds))
     clouds = [oriented(cloud, config) for cloud in clouds]
-    notes.append(f"outliers: {before - sum(map(len, clouds))} of {before} points dropped")
+    dropped = before - sum(map(len, clouds))
+    if 2 * dropped > before:
+        raise InputError(
+            f"{clouds[0].name}: expected most points to have {config.min_neighbours} others of their side within "
+            f"{config.normal_radius:g} m, got {dropped / before:.0%} with fewer; give a larger normal_radius"
+        )
+    notes.append(f"outliers: {dropped} of {before} points dropped")
     # Outliers are gone: in a sparse cloud a texlet may have a single point.
-    return _thinned(clouds, plane, notes, replace(sensing, min_members=1), generator)
+    return _thinned(clouds, plane, notes, config, replace(sensing, min_members=1), generator)
 
 
 def scene_of_views(
@@ -114,17 +121,31 @@ def scene_of_views(
 
     The surface points are those of `sensing.texlets.extract`; crop and table removal act on them.
     """
-    clouds = []
+    clouds, strides = [], []
     for number, (depth, camera) in enumerate(views):
-        stride = learned_stride(depth, camera, sensing) if config.stride is None else config.stride
-        clouds.append(surface(*every(depth, camera, stride), sensing, f"depth image {number + 1}"))
+        strides.append(_stride(depth, camera, config, sensing))
+        clouds.append(surface(*every(depth, camera, strides[-1]), sensing, f"depth image {number + 1}"))
     if not any(map(len, clouds)):
         raise InputError(
             f"input: expected surfaces of {sensing.window} x {sensing.window} pixels in the depth images, got none"
         )
     clouds, notes = cropped(clouds, config)
+    notes.insert(0, f"stride: every {', '.join(map(str, strides))} pixels of the depth images")
     clouds, plane = without_table(clouds, config, generator, notes)
-    return _thinned(clouds, plane, notes, sensing, generator)
+    return _thinned(clouds, plane, notes, config, sensing, generator)
+
+
+def _stride(depth: np.ndarray, camera: Camera, config: SceneConfig, sensing: SensingConfig) -> int:
+    """The stride that is set, or the one that suits the pixels in the crop box."""
+    if config.stride is not None:
+        if config.stride < 1:
+            raise InputError(f"stride: expected a whole number from 1, got {config.stride}")
+        return config.stride
+    depth = np.where(np.isfinite(depth), depth, 0.0)
+    returned = depth > 0
+    inside = returned & within(pixel_points(depth, camera), crop_box(config))
+    matter = depth[inside] if inside.any() else depth[returned]
+    return learned_stride(matter, camera.K, sensing) if len(matter) else 1
 
 
 def read_views(paths: Sequence[Path], config: SceneConfig) -> list[tuple[np.ndarray, Camera]]:
@@ -181,23 +202,26 @@ def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, gene
     if config.mesh == "whole":
         clouds, notes = cropped([sampled(path, config, generator)], config)
         clouds, plane = without_table(clouds, config, generator, notes)
-        return _thinned(clouds, plane, notes, sensing, generator)
+        return _thinned(clouds, plane, notes, config, sensing, generator)
     texlets, viewpoints = sensed(path, config, sensing, generator)
     points, normals = texlets.positions.double().numpy(), texlets.normals.double().numpy()
     if not len(points):
         raise InputError(f"{path}: expected a mesh that the cameras see, got no texlet")
     clouds, notes = cropped([Cloud(points, normals, viewpoints, str(path))], config)
     clouds, plane = without_table(clouds, config, generator, notes)
-    return _scene(_texlets(clouds[0]), clouds, plane, notes)
+    kept = clouds[0]
+    return Scene(_texlets(kept), torch.from_numpy(kept.points).float(), plane, viewpoints, tuple(notes))
 
 
 def _thinned(
     clouds: Sequence[Cloud],
     plane: np.ndarray | None,
     notes: list[str],
+    config: SceneConfig,
     sensing: SensingConfig,
     generator: np.random.Generator,
 ) -> Scene:
+    """The scene of oriented clouds together."""
     points = np.concatenate([cloud.points for cloud in clouds])
     normals = np.concatenate([cloud.normals for cloud in clouds if cloud.normals is not None])
     texlets = thin(points, normals, sensing, generator)
@@ -205,17 +229,13 @@ def _thinned(
         raise InputError(
             f"input: expected {sensing.min_members} points a texlet, got fewer everywhere in {len(points)}"
         )
-    return _scene(texlets, clouds, plane, notes)
+    solid = torch.from_numpy(voxel_means(Cloud(points), config.voxel).points).float()
+    return Scene(texlets, solid, plane, viewpoints_of(clouds), tuple(notes))
 
 
 def _texlets(cloud: Cloud) -> Texlets:
     assert cloud.normals is not None
     return Texlets(torch.from_numpy(cloud.points).float(), torch.from_numpy(cloud.normals).float())
-
-
-def _scene(texlets: Texlets, clouds: Sequence[Cloud], plane: np.ndarray | None, notes: list[str]) -> Scene:
-    points = torch.from_numpy(np.concatenate([cloud.points for cloud in clouds])).float()
-    return Scene(texlets, points, plane, viewpoints_of(clouds), tuple(notes))
 
 
 def _files(name: str, given: object) -> list[Path]:

@@ -12,13 +12,24 @@ from spgf_torch.scene.cloud import Cloud, vectors
 from spgf_torch.scene.table import find_plane, given_plane, height
 
 
-def cropped(clouds: Sequence[Cloud], config: SceneConfig) -> tuple[list[Cloud], list[str]]:
-    """What lies in the crop box, clouds with nothing in it left out; checked to have the extent of a scene in m."""
+def crop_box(config: SceneConfig) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) lowest and (3,) highest corner of the crop box, m; infinite where none is set."""
     low = np.full(3, -np.inf) if config.crop_low is None else vectors("crop_low", config.crop_low, (3,))
     high = np.full(3, np.inf) if config.crop_high is None else vectors("crop_high", config.crop_high, (3,))
     if (low >= high).any():
         raise InputError(f"crop_low: expected below crop_high {high.tolist()}, got {low.tolist()}")
-    inside = [np.all((cloud.points >= low) & (cloud.points <= high), axis=1) for cloud in clouds]
+    return low, high
+
+
+def within(points: np.ndarray, box: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """(...) bool: which of the points (..., 3) lie in a box of two corners."""
+    return np.all((points >= box[0]) & (points <= box[1]), axis=-1)
+
+
+def cropped(clouds: Sequence[Cloud], config: SceneConfig) -> tuple[list[Cloud], list[str]]:
+    """What lies in the crop box, clouds with nothing in it left out; checked to have the extent of a scene in m."""
+    box = crop_box(config)
+    inside = [within(cloud.points, box) for cloud in clouds]
     kept = [
         cloud if mask.all() else cloud.select(mask) for cloud, mask in zip(clouds, inside, strict=True) if mask.any()
     ]

@@ -12,7 +12,7 @@ from PIL import Image
 
 from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
 from spgf_torch.scene.depth import camera_of, every, learned_stride, read_depth, read_intrinsics, read_mask, read_poses
-from spgf_torch.scene.scene import Scene, read_scene
+from spgf_torch.scene.scene import Scene, read_scene, scene_of_views
 from spgf_torch.sensing.cameras import Camera, cast, look_at
 from spgf_torch.sensing.texlets import extract
 
@@ -72,7 +72,7 @@ def test_a_turned_camera_by_hand(tmp_path: Path) -> None:
     T = np.array([[0.0, 0, 1, 1], [-1, 0, 0, 2], [0, -1, 0, 3], [0, 0, 0, 1]])
     depth = np.zeros((80, 100))
     depth[:, 50:60] = 0.5
-    scene = read(save(tmp_path, [(depth, Camera(K, T, 100, 80))], stride=1))
+    scene = read(save(tmp_path, [(depth, Camera(K, T, 100, 80))], stride=1, voxel=0.0005))
     np.testing.assert_allclose(scene.texlets.positions[:, 0], 1.5, atol=1e-5)
     np.testing.assert_allclose(scene.texlets.normals, np.tile([-1.0, 0, 0], (len(scene.texlets), 1)), atol=1e-5)
     y, z = scene.points[:, 1], scene.points[:, 2]
@@ -124,9 +124,20 @@ def test_every_second_pixel() -> None:
 
 def test_the_stride_makes_pixels_as_far_apart_as_learned() -> None:
     """Learned at 0.7 / 288 = 2.4 mm. A 640 x 480 camera of f = 575 at 0.7 m: 1.2 mm, so every second; at 1.4 m each."""
-    camera = Camera(np.diag([575.0, 575, 1]), np.eye(4), 4, 3)
-    strides = [learned_stride(np.full((3, 4), z), camera, SENSING) for z in (0.0, 0.35, 0.7, 1.4, 5.0)]
-    assert strides == [1, 4, 2, 1, 1]
+    strides = [learned_stride(np.full(9, z), np.diag([575.0, 575, 1]), SENSING) for z in (0.35, 0.7, 1.4, 5.0)]
+    assert strides == [4, 2, 1, 1]
+
+
+def test_the_stride_suits_what_is_in_the_crop_box() -> None:
+    """A wall at 3 m behind a plate at 0.35 m: alone the wall counts, as most pixels show it, in the box the plate."""
+    depth = np.full((80, 120), 3.0)
+    depth[:30] = 0.35
+    camera = Camera(np.array([[575.0, 0, 59.5], [0, 575.0, 39.5], [0, 0, 1]]), np.eye(4), 120, 80)
+    notes = [
+        scene_of_views([(depth, camera)], settings(SceneConfig, **box), SENSING, np.random.default_rng(0)).notes[0]
+        for box in ({}, {"crop_high": [1.0, 1.0, 1.0]})
+    ]
+    assert notes == [f"stride: every {n} pixels of the depth images" for n in (1, 4)]
 
 
 ROS = {"image_width": 100, "image_height": 80, "camera_matrix": {"rows": 3, "cols": 3, "data": K.ravel().tolist()}}
@@ -288,6 +299,7 @@ FAR[0, 3] = 400.0
         ({"max_points": 100}, r"expected at most 100 pixels \(max_points\)"),
         ({"viewpoints": [[0, 0, 1]]}, "viewpoints: expected with point clouds only"),
         ({"crop_low": [5, 5, 5]}, "crop_low, crop_high: expected points in the box, got none; they span x"),
+        ({"stride": 0}, "stride: expected a whole number from 1, got 0"),
         ({"stride": 50}, "expected surfaces of 5 x 5 pixels in the depth images, got none"),
     ],
 )

@@ -179,8 +179,8 @@ def test_a_viewpoint_among_the_points(ball: Oriented) -> None:
 
 
 def test_points_too_far_apart(ball: Oriented) -> None:
-    with pytest.raises(InputError, match=r"within normal_radius=0\.01 m, got 100% with fewer; give a larger"):
-        oriented(Cloud(10 * ball[0], None, np.array([[0.0, 0, 9]])), CONFIG)
+    with pytest.raises(InputError, match=r"others of their side within 0\.01 m, got 100% with fewer; give a larger"):
+        texlets_of(Cloud(10 * ball[0], None, np.array([[0.0, 0, 9]])), CONFIG, SENSING, np.random.default_rng(0))
 
 
 def test_normals_that_point_inwards(ball: Oriented, seen_tray: Oriented, views: np.ndarray) -> None:
