@@ -317,7 +317,8 @@ class EvaluateConfig(ObjectsConfig):
 
     model: str = text()
     N: int = bounded(1, 1000)
-    candidates: int = bounded(1, 10_000_000)
+    candidates: str = choice("proposed", "sampled")
+    samples: int = bounded(1, 10_000_000)
     random_trials: int = bounded(1, 1_000_000)
     ranking: str = choice(*RANKINGS)
     bootstrap: int = bounded(100, 1_000_000)
@@ -329,6 +330,7 @@ class EvaluateConfig(ObjectsConfig):
     sensing: SensingConfig = field(default_factory=SensingConfig)
     sampler: SamplerConfig = field(default_factory=SamplerConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    proposing: ProposingConfig = field(default_factory=ProposingConfig)
 
 
 @dataclass

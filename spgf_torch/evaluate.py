@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
+from torch import Tensor
 
 from spgf_torch.cli import door
 from spgf_torch.config import EvaluateConfig, InputError, find
 from spgf_torch.evaluation.executed import ObjectOutcome
+from spgf_torch.experiment.describe import Grasps
 from spgf_torch.experiment.execution import Executed
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
+
+if TYPE_CHECKING:
+    from spgf_torch.experiment.restored import Restored
 
 
 def run(config: EvaluateConfig, folder: Path) -> None:
     """Sense the meshes, rank candidate grasps, execute the best of each type; write the rates into `folder`."""
     from spgf_torch.affordance.model import check_device, load_model
     from spgf_torch.evaluation.executed import executed_results
-    from spgf_torch.evaluation.files import write_json
+    from spgf_torch.evaluation.files import write_bytes, write_json
     from spgf_torch.evaluation.tables import executed_table, scans_table
-    from spgf_torch.experiment.execution import candidate_grasps, execute_best
+    from spgf_torch.experiment.execution import execute_best
     from spgf_torch.experiment.restored import restore
     from spgf_torch.objects.folders import read_objects
     from spgf_torch.progress import show
+    from spgf_torch.reporting.failures import failures_picture
     from spgf_torch.trials.hand import load_hand
     from spgf_torch.trials.runner import Trials
 
@@ -40,22 +48,59 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     if found.scans:
         show(scans_table(found.scans))
 
-    objects = found.objects
-    grasps = [candidate_grasps(obj, config.candidates, config.sampler, config.seed) for obj in objects]
+    objects, start = found.objects, time.perf_counter()
+    if config.candidates == "proposed":
+        grasps, scores = proposed(restored, objects, config, stages)
+    else:
+        grasps, scores = sampled(restored, objects, config, stages)
+    each = (time.perf_counter() - start) / len(objects)
+
+    trials = Trials(load_hand(config.hand), config.episode)
+    executed = execute_best(objects, grasps, scores, trials, config, stages)
+    results = executed_results(outcomes_of(objects, executed, each), config)
+    write_json(folder / "results.json", results)
+    failures = failures_picture(objects, grasps, executed, config.hand.openings)
+    if failures:
+        write_bytes(folder / "failures.png", failures)
+    show(executed_table(results))
+    show(f"results and settings in {folder}")
+
+
+def sampled(
+    restored: Restored, objects: Sequence[GraspObject], config: EvaluateConfig, stages: Stages
+) -> tuple[list[Grasps], list[Tensor]]:
+    """Candidates sampled on the objects' meshes, and their scores."""
+    from spgf_torch.experiment.execution import candidate_grasps
+
+    grasps = [candidate_grasps(obj, config.samples, config.sampler, config.seed) for obj in objects]
     described = restored.description.describe(objects, grasps, stages)
     with stages.stage("voting", len(objects), "objects") as advance:
         scores = []
         for obj in described:
             scores.append(restored.scores(obj)[config.ranking].cpu())
             advance(1)
-    each = sum(stages.seconds.values()) / len(objects)
+    return grasps, scores
 
-    trials = Trials(load_hand(config.hand), config.episode)
-    executed = execute_best(objects, grasps, scores, trials, config, stages)
-    results = executed_results(outcomes_of(objects, executed, each), config)
-    write_json(folder / "results.json", results)
-    show(executed_table(results))
-    show(f"results and settings in {folder}")
+
+def proposed(
+    restored: Restored, objects: Sequence[GraspObject], config: EvaluateConfig, stages: Stages
+) -> tuple[list[Grasps], list[Tensor]]:
+    """Grasps proposed for what is sensed of the objects, no mesh used, and their scores; random candidates beside."""
+    from spgf_torch.experiment.execution import candidate_grasps, with_random
+    from spgf_torch.proposing.propose import Proposer
+    from spgf_torch.sensing.sense import sense
+
+    proposer = Proposer.of(restored.model, config.proposing, restored.description.volumes)
+    pairs = []
+    with stages.stage("proposing", len(objects), "objects") as advance:
+        for obj in objects:
+            found = proposer.propose(sense(obj, config.sensing, config.seed))
+            random = candidate_grasps(obj, config.random_trials, config.sampler, config.seed)
+            pairs.append(
+                with_random(Grasps(found.T_object_tcp.cpu(), found.grasp_type.cpu()), found.score.cpu(), random)
+            )
+            advance(1)
+    return [grasps for grasps, _ in pairs], [score for _, score in pairs]
 
 
 def outcomes_of(objects: Sequence[GraspObject], executed: Sequence[Executed], seconds: float) -> list[ObjectOutcome]:

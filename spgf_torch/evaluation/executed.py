@@ -35,6 +35,7 @@ def executed_results(outcomes: Sequence[ObjectOutcome], config: EvaluateConfig) 
     return {
         "schema": SCHEMA,
         "N": config.N,
+        "candidates": config.candidates,
         "ranking": config.ranking,
         "seed": config.seed,
         "success_rate": class_means(classes, [o.best for o in outcomes]),

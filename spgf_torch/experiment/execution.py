@@ -38,8 +38,8 @@ class Executed:
     random: dict[str, Tensor]
 
     def rate(self, chosen: Tensor) -> float:
-        """Share of successes among the grasps `chosen`."""
-        return float(self.success[chosen].float().mean())
+        """Share of successes among the grasps `chosen`; of none it is 0."""
+        return float(self.success[chosen].float().mean()) if len(chosen) else 0.0
 
 
 def candidate_grasps(obj: GraspObject, count: int, sampler: SamplerConfig, seed: int) -> Grasps:
@@ -50,10 +50,24 @@ def candidate_grasps(obj: GraspObject, count: int, sampler: SamplerConfig, seed:
 
 
 def best_grasps(score: Tensor, grasp_type: Tensor, n: int) -> dict[str, Tensor]:
-    """The n highest-ranked grasps of each type and of both together (CG), best first; ties by index."""
+    """The n highest-ranked grasps of each type and of both together (CG), best first; ties by index.
+
+    Grasps without a vote (score -inf) are none of them.
+    """
     order = torch.argsort(score, descending=True, stable=True)
+    order = order[score[order] > -torch.inf]
     best = {kind: order[grasp_type[order] == code][:n] for code, kind in enumerate(GRASP_TYPES)}
     return {**best, "CG": order[:n]}
+
+
+def with_random(proposed: Grasps, score: Tensor, sampled: Grasps) -> tuple[Grasps, Tensor]:
+    """Proposals (P) behind candidates that were sampled at random (R): grasps, and score (R + P,) f32.
+
+    The random ones take part in no ranking.
+    """
+    T = torch.cat([sampled.T_object_tcp.float(), proposed.T_object_tcp.float()])
+    none = torch.full((len(sampled.grasp_type),), -torch.inf)
+    return Grasps(T, torch.cat([sampled.grasp_type, proposed.grasp_type])), torch.cat([none, score])
 
 
 def execute_best(

@@ -12,7 +12,6 @@ from spgf_torch.evaluation.reliability import BINS, reliability
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.reporting.charts import Precision, precision_at_n, reliability_diagram
 from spgf_torch.reporting.context import Context, Part
-from spgf_torch.reporting.learned import full_fork
 from spgf_torch.reporting.page import Section, caption, chart, drawn, picture, png, table, turning
 from spgf_torch.reporting.predictions import (
     Candidates,
@@ -106,8 +105,5 @@ def worst_part(
 
 
 def _held(candidates: Candidates, top: np.ndarray, obj: GraspObject, openings: Mapping[str, float]) -> Held:
-    T, success = candidates.T_object_tcp[top], candidates.success[top]
-    forks = np.stack([full_fork(openings[GRASP_TYPES[code]]) for code in candidates.grasp_type[top]])
-    sticks = np.einsum("gij,gskj->gski", T[:, :3, :3], forks) + T[:, None, None, :3, 3]
-    title = f"{candidates.name.replace('_', ' ')}: {success.sum()} of {len(top)} held"
-    return Held(title, obj.mesh, sticks, success)
+    wide = [openings[GRASP_TYPES[code]] for code in candidates.grasp_type[top]]
+    return Held.of(candidates.name, obj.mesh, candidates.T_object_tcp[top], wide, candidates.success[top])

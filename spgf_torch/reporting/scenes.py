@@ -16,7 +16,7 @@ from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from spgf_torch.reporting.learned import Grasps, Ring
+from spgf_torch.reporting.learned import Grasps, Ring, full_fork
 from spgf_torch.reporting.names import FAMILIES, family_of
 from spgf_torch.reporting.style import (
     ANGLE_SCALE,
@@ -77,6 +77,13 @@ class Held:
     mesh: trimesh.Trimesh
     sticks: np.ndarray
     success: np.ndarray
+
+    @staticmethod
+    def of(name: str, mesh: trimesh.Trimesh, T: np.ndarray, openings: Sequence[float], success: np.ndarray) -> Held:
+        """Grasps (G, 4, 4) in the mesh's frame, of hands that open so wide (G, m), with their outcomes (G,) bool."""
+        forks = np.stack([full_fork(opening) for opening in openings])
+        sticks = np.einsum("gij,gskj->gski", T[:, :3, :3], forks) + T[:, None, None, :3, 3]
+        return Held(f"{name.replace('_', ' ')}: {success.sum()} of {len(success)} held", mesh, sticks, success)
 
 
 @dataclass(frozen=True)

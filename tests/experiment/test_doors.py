@@ -161,8 +161,9 @@ def scanned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_evaluate_executes_the_best_grasps(small: Path, scanned: Path) -> None:
-    command = [f"objects={scanned}", "candidates=60", "random_trials=5", "N=3", "bootstrap=100", "workers=1"]
+@pytest.mark.parametrize("mode", [["candidates=sampled", "samples=60"], ["proposing.point_support=2"]])
+def test_evaluate_executes_the_best_grasps(small: Path, scanned: Path, mode: list[str]) -> None:
+    command = [f"objects={scanned}", *mode, "random_trials=5", "N=3", "bootstrap=100", "workers=1"]
     done = call("evaluate", *command, cwd=small)
     assert done.returncode == 0, done.stderr
     results = json.loads((small / "outputs/evaluate/latest/results.json").read_text())

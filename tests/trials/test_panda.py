@@ -207,7 +207,7 @@ def test_simulate_train_evaluate(tmp_path: Path):
     block = trimesh.creation.box((0.05, 0.06, 0.08)).subdivide().subdivide()
     block.export(meshes / "block.ply")
     (meshes / "manifest.csv").write_text("name,file,class\nblock,block.ply,box\n")
-    held = [f"objects={meshes}", f"model={model}", "candidates=60", "random_trials=3", "N=3", "workers=1"]
+    held = [f"objects={meshes}", f"model={model}", "candidates=sampled", "samples=60", "random_trials=3", "N=3", "workers=1"]
     evaluate.run(composed("evaluate", EvaluateConfig, *held, "hand=panda"), tmp_path)
     (row,) = json.loads((tmp_path / "results.json").read_text())["per_object"]
     assert row["object"] == "block" and 0 <= row["CG"] <= 1
