@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from spgf_torch.cli import door
-from spgf_torch.config import TrainConfig
+from spgf_torch.config import InputError, TrainConfig
+from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages, show
+
+if TYPE_CHECKING:
+    from spgf_torch.experiment.experiment import Design
 
 
 def run(config: TrainConfig, folder: Path) -> None:
@@ -16,12 +24,11 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.cache import Cache
     from spgf_torch.evaluation.card import model_card
     from spgf_torch.evaluation.files import write_json, write_per_object, write_predictions, write_text
-    from spgf_torch.evaluation.folds import stratified_folds, stratified_order
     from spgf_torch.evaluation.novel import novel_objects
     from spgf_torch.evaluation.results import build_results
     from spgf_torch.evaluation.tables import calibration_line, chosen_line, results_table
     from spgf_torch.experiment.describe import Description
-    from spgf_torch.experiment.experiment import Design, Experiment
+    from spgf_torch.experiment.experiment import Experiment
     from spgf_torch.experiment.space import Example
     from spgf_torch.experiment.tried import dataset_digest, open_hand, tried_grasps
     from spgf_torch.objects.folders import read_objects
@@ -32,6 +39,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     objects = found.objects
     for note in found.notes:
         show(note)
+    design = _design(objects, config)
     tried = tried_grasps(objects, config)
     cache = Cache.open(config.cache, config.cache_gb)
     volumes = open_hand(config.hand)
@@ -40,13 +48,9 @@ def run(config: TrainConfig, folder: Path) -> None:
     )
     described = describe.describe(objects, [t.grasps for t in tried], stages)
     examples = [Example(d, t.success.to(config.device)) for d, t in zip(described, tried, strict=True)]
-
-    classes = [obj.category for obj in objects]
-    fold, order = stratified_folds(classes, config.folds, config.seed), stratified_order(classes, config.seed)
-    design = Design(fold, order, config.training_objects)
     predicted, model = Experiment.of(config, design, examples, cache).run(stages)
 
-    novel = novel_objects(objects, tried, predicted, fold)
+    novel = novel_objects(objects, tried, predicted, design.fold)
     results = build_results(novel, config, dataset_digest(objects, tried))
     if model is not None:
         size = save_model(model, folder)
@@ -60,6 +64,22 @@ def run(config: TrainConfig, folder: Path) -> None:
     for content in (results_table(results), chosen_line(results), calibration_line(results)):
         show(content)
     show(f"results, model and settings in {folder}" if model else f"results and settings in {folder}")
+
+
+def _design(objects: Sequence[GraspObject], config: TrainConfig) -> Design:
+    """Folds and order of the objects; InputError where a fold would leave fewer than two to learn from."""
+    from spgf_torch.evaluation.folds import stratified_folds, stratified_order
+    from spgf_torch.experiment.experiment import Design
+
+    classes = [obj.category for obj in objects]
+    fold = stratified_folds(classes, config.folds, config.seed)
+    teach = len(objects) - int(np.bincount(fold).max())
+    if teach < 2:  # one is held out from the other, to calibrate
+        raise InputError(
+            f"objects: expected two at least to learn from in each of the folds ({config.folds}), got {teach}: "
+            f"{config.objects} holds {len(objects)}"
+        )
+    return Design(fold, stratified_order(classes, config.seed), config.training_objects)
 
 
 if __name__ == "__main__":
