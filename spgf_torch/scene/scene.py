@@ -26,10 +26,13 @@ from spgf_torch.scene.depth import (
 )
 from spgf_torch.scene.files import read_cloud
 from spgf_torch.scene.meshes import is_mesh, sampled, sensed
-from spgf_torch.scene.normals import oriented
+from spgf_torch.scene.normals import neighbourhoods, oriented
 from spgf_torch.scene.selection import crop_box, cropped, viewpoints_of, within, without_table
 from spgf_torch.sensing.cameras import Camera
 from spgf_torch.sensing.texlets import Texlets, thin
+
+# Points further apart than this much of the texlets' spacing leave many a texlet with one point, which then must do.
+_SPARSE = 0.85
 
 
 @dataclass(frozen=True)
@@ -107,8 +110,12 @@ def scene_of_clouds(
             f"{config.normal_radius:g} m, got {dropped / before:.0%} with fewer; give a larger normal_radius"
         )
     notes.append(f"outliers: {dropped} of {before} points dropped")
-    # Outliers are gone: in a sparse cloud a texlet may have a single point.
-    return _thinned(clouds, plane, notes, config, replace(sensing, min_members=1), generator)
+    _, apart = neighbourhoods(
+        np.concatenate([cloud.points for cloud in clouds]), config.min_neighbours, sensing.spacing
+    )
+    if apart > _SPARSE * sensing.spacing:
+        sensing = replace(sensing, min_members=1)
+    return _thinned(clouds, plane, notes, config, sensing, generator)
 
 
 def scene_of_views(
