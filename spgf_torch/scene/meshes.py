@@ -11,6 +11,7 @@ from spgf_torch.config import CollisionConfig, InputError, SceneConfig, SensingC
 from spgf_torch.objects.scans import METRES, SUFFIXES, read_mesh
 from spgf_torch.scene.cloud import Cloud, check_count, existing
 from spgf_torch.scene.files import ply_faces
+from spgf_torch.scene.selection import check_extent
 from spgf_torch.sensing.cameras import surround
 from spgf_torch.sensing.sense import observe
 from spgf_torch.sensing.texlets import Texlets
@@ -29,7 +30,8 @@ def sampled(path: Path, config: SceneConfig, generator: np.random.Generator) -> 
         InputError: as `objects.scans.read_mesh`, which wants a closed mesh with its normals outwards.
     """
     sizes = settings(CollisionConfig, min_extent=config.min_extent, max_extent=config.max_extent)
-    mesh = read_mesh(existing(path), config.unit, sizes)
+    _load(path, config)  # the extent and its unit are told as for every other input
+    mesh = read_mesh(path, config.unit, sizes)
     count = int(np.ceil(mesh.area / config.mesh_pitch**2))
     check_count(path, count, config.max_points)
     points, face = trimesh.sample.sample_surface(mesh, count, seed=generator)
@@ -45,21 +47,22 @@ def sensed(
         the texlets and the viewpoints (V, 3), m, both in the mesh's frame.
 
     Raises:
-        InputError: an unreadable file, no faces, vertices that are not finite, a mesh that reaches the cameras.
+        InputError: an unreadable file, no faces, vertices that are not finite, an unlikely extent, a mesh that reaches
+            the cameras.
     """
-    mesh = _load(path, METRES[config.unit])
+    mesh = _load(path, config)
     reach = float(np.linalg.norm(mesh.extents)) / 2
     if reach >= sensing.distance:
         raise InputError(
             f"{path}: expected a mesh within {sensing.distance:g} m of its middle, where the simulated cameras are "
-            f"(sensing.distance), got {reach:.4g} m with unit={config.unit}; the other unit, or a larger distance?"
+            f"(sensing.distance), got {reach:.4g} m with unit={config.unit}; give a larger distance or mesh=whole"
         )
     cameras = surround(sensing, mesh.bounds.mean(axis=0))
     return observe(mesh, cameras, sensing, generator), np.array([c.T_object_camera[:3, 3] for c in cameras])
 
 
-def _load(path: Path, metres: float) -> trimesh.Trimesh:
-    """The mesh in a file, open or closed, times `metres`."""
+def _load(path: Path, config: SceneConfig) -> trimesh.Trimesh:
+    """The mesh in a file, open or closed, in m, of the extent of a scene."""
     try:
         mesh = trimesh.load_scene(existing(path), process=False).to_geometry()
     except InputError:
@@ -72,4 +75,6 @@ def _load(path: Path, metres: float) -> trimesh.Trimesh:
     bad = int((~np.isfinite(mesh.vertices)).any(axis=1).sum())
     if bad:
         raise InputError(f"{path}: expected finite vertices, got {bad} of {len(mesh.vertices)} with NaN or infinity")
-    return trimesh.Trimesh(mesh.vertices * metres, mesh.faces, process=False)
+    mesh = trimesh.Trimesh(mesh.vertices * METRES[config.unit], mesh.faces, process=False)
+    check_extent(str(path), mesh.bounds[0], mesh.bounds[1], config)
+    return mesh

@@ -39,7 +39,9 @@ def cropped(clouds: Sequence[Cloud], config: SceneConfig) -> tuple[list[Cloud], 
             f"crop_low, crop_high: expected points in the box, got none; they span x {spans[0]}, y {spans[1]}, "
             f"z {spans[2]} m with unit={config.unit}"
         )
-    _check_extent(kept, config)
+    low, high = _bounds(kept)
+    check_extent(kept[0].name, low, high, config)
+    _check_viewpoints(kept, (low + high) / 2, config)
     before, after = sum(map(len, clouds)), sum(map(len, kept))
     return kept, [f"crop: {after} of {before} points kept"] if after < before else []
 
@@ -50,19 +52,22 @@ def _bounds(clouds: Sequence[Cloud]) -> tuple[np.ndarray, np.ndarray]:
     return np.min([p.min(axis=0) for p in full], axis=0), np.max([p.max(axis=0) for p in full], axis=0)
 
 
-def _check_extent(clouds: Sequence[Cloud], config: SceneConfig) -> None:
-    low, high = _bounds(clouds)
+def check_extent(name: str, low: np.ndarray, high: np.ndarray, config: SceneConfig) -> None:
+    """InputError that names the unit where a box of two corners (3,), m, has not the size of a scene."""
     extent = float((high - low).max())
     if not config.min_extent <= extent <= config.max_extent:
         other = {"m": "mm", "mm": "m"}[config.unit]
         fits = config.min_extent <= extent * METRES[other] / METRES[config.unit] <= config.max_extent
         hint = f"unit={other} would fit" if fits else "give crop_low and crop_high?"
         raise InputError(
-            f"{clouds[0].name}: expected an extent of {config.min_extent:g} to {config.max_extent:g} m, got "
+            f"{name}: expected an extent of {config.min_extent:g} to {config.max_extent:g} m, got "
             f"{extent:.4g} m with unit={config.unit}; {hint}"
         )
+
+
+def _check_viewpoints(clouds: Sequence[Cloud], middle: np.ndarray, config: SceneConfig) -> None:
     for cloud in clouds:
-        away = 0.0 if cloud.viewpoints is None else np.abs(cloud.viewpoints - (low + high) / 2).max()
+        away = 0.0 if cloud.viewpoints is None else np.abs(cloud.viewpoints - middle).max()
         if away > config.max_extent:
             raise InputError(
                 f"viewpoints: expected within {config.max_extent:g} m of the points, got {away:.4g} m away; settings "

@@ -147,9 +147,15 @@ def test_metres_that_are_millimetres(ball: Oriented, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"mm.npy: expected .* got 99.98 m with unit=m; unit=mm would fit"):
         read(input=tmp_path / "mm.npy", viewpoints=[[0, 0, 1]])
     trimesh.creation.box([60.0, 60, 60]).export(tmp_path / "box.stl")
-    for mesh, message in (("whole", "unit=mm would fit"), ("sensed", r"got 51\.96 m with unit=m; the other unit")):
-        with pytest.raises(InputError, match=message):
+    for mesh in ("whole", "sensed"):
+        with pytest.raises(InputError, match="got 60 m with unit=m; unit=mm would fit"):
             read(input=tmp_path / "box.stl", mesh=mesh)
+    trimesh.creation.box([0.06, 0.06, 0.06]).export(tmp_path / "m.stl")
+    with pytest.raises(InputError, match=r"got 6e-05 m with unit=mm; unit=m would fit"):
+        read(input=tmp_path / "m.stl", unit="mm")
+    with pytest.raises(InputError, match=r"expected a mesh within 0\.7 m of its middle, .* got 1\.039 m with unit=m"):
+        trimesh.creation.box([1.2, 1.2, 1.2]).export(tmp_path / "m.stl")
+        read(input=tmp_path / "m.stl")
 
 
 def test_bad_meshes(tray: trimesh.Trimesh, tmp_path: Path) -> None:
