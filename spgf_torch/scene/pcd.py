@@ -6,6 +6,7 @@ Source: "The PCD (Point Cloud Data) file format", Point Cloud Library documentat
 from __future__ import annotations
 
 import struct
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -147,14 +148,16 @@ def _viewpoint(path: Path, entries: dict[str, list[str]]) -> tuple[float, ...]:
 
 def _ascii(path: Path, body: bytes, header: Header, wanted: list[int]) -> np.ndarray:
     per_row = sum(header.counts)
-    values = body.split()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # how numpy tells of a word that is no number
+            values = np.fromstring(body, dtype=np.float64, sep=" ")
+    except (DeprecationWarning, ValueError):
+        raise InputError(f"{path}: expected numbers after DATA ascii, got other words") from None
     if len(values) != header.points * per_row:
         raise _cut(path, f"{header.points} rows of {per_row} values", f"{len(values)} values")
-    first = np.cumsum([0, *header.counts])
-    try:
-        return np.stack([np.array(values[first[i] :: per_row], dtype=np.float64) for i in wanted], axis=1)
-    except ValueError as error:
-        raise InputError(f"{path}: expected numbers, got {error}") from None
+    first = np.cumsum([0, *header.counts])[wanted]
+    return values.reshape(header.points, per_row)[:, first]
 
 
 def _binary(path: Path, body: bytes, header: Header, wanted: list[int]) -> np.ndarray:

@@ -155,7 +155,7 @@ def test_a_file_cut_in_half(data: str, share: float, tmp_path: Path) -> None:
             pcd("ascii").replace(b"DATA ascii", b"DATA zip"),
             "DATA: expected ascii, binary or binary_compressed, got zip",
         ),
-        (pcd("ascii").replace(b"1.5", b"one"), "expected numbers, got"),
+        (pcd("ascii").replace(b"1.5", b"one"), "expected numbers after DATA ascii, got other words"),
         (pcd("ascii", ROWS[:0]), "expected points, got none"),
         (pcd("ascii", np.zeros(LIMIT + 1, ROW)), r"at most 1000 points \(max_points\), got 1001; thin"),
         (pcd("ascii", np.zeros(2, ROW)), "2 of 2 with length 0"),
