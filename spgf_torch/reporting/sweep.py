@@ -34,8 +34,9 @@ class Variant:
 
     @property
     def label(self) -> str:
-        """What varies, in words: `features.layers = 1 (2)`."""
-        return ", ".join(f"{key} = {value} ({usual})" for key, (value, usual) in self.varies.items())
+        """What varies, in words: `features.layers = 1 (2)`; of more than two settings the first, and how many more."""
+        told = [f"{key} = {value} ({usual})" for key, (value, usual) in self.varies.items()]
+        return ", ".join(told) if len(told) <= 2 else f"{told[0]} and {len(told) - 1} more"
 
 
 @dataclass(frozen=True)
