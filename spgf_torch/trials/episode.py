@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -204,13 +205,21 @@ def _configure(config: EpisodeConfig) -> None:
     )
 
 
+class _Unseen(URDFLoader):
+    """Leaves the visual shapes out: even to parse their colours SAPIEN would need a renderer."""
+
+    def _build_link(self, link: Any, link_builder: Any) -> None:
+        link.visuals = []
+        super()._build_link(link, link_builder)
+
+
 def _hand_builder(hand: Hand, material: physx.PhysxMaterial) -> sapien.ArticulationBuilder:
     """The hand's links and joints, parsed once.
 
     Links that never move (`hand.fixed`) become one with the base, each shape in its place: half the links, and
     PhysX's cost of an articulation grows with them at every solver iteration.
     """
-    loader = URDFLoader()
+    loader = _Unseen()
     loader.set_scene(sapien.Scene([physx.PhysxCpuSystem()]))
     (builder,), _, _ = loader.parse(str(hand.urdf))
     base, *others = builder.link_builders

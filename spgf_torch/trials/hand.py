@@ -2,6 +2,7 @@
 
 Frames: `base` is the palm (z out of it), `tcp` lies midway between the pads (+z approach, +x closing from the first
 pad to the second). Everything about a hand follows from its URDF and `conf/hand/*.yaml`; there is no code for one hand.
+How to add one stands at the head of `conf/hand/panda.yaml`.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class Hand:
         fixed: joint -> rad held throughout.
         closing: +1 where a growing proximal joint value closes the pads, else -1.
         preshapes: grasp type -> Preshape.
-        digest: SHA-256 over the URDF's bytes and the settings.
+        digest: SHA-256 over the URDF's bytes, the settings, and the mesh files of collision shapes, if there are any.
     """
 
     config: HandConfig
@@ -82,7 +83,7 @@ def _load(path: Path, urdf: bytes, settings: str) -> Hand:
         fixed=kinematics.fixed,
         closing=kinematics.closing,
         preshapes={name: kinematics.preshape(opening) for name, opening in config.openings.items()},
-        digest=hashlib.sha256(urdf + settings.encode()).hexdigest(),
+        digest=hashlib.sha256(urdf + settings.encode() + kinematics.meshes()).hexdigest(),
     )
 
 
@@ -129,7 +130,10 @@ class Kinematics:
         limits = [joints[finger.proximal] for finger in self.config.fingers]
         if None in limits:
             raise InputError(f"{self.path}: expected limits of the joints that close the fingers, got none")
-        return max(limit.lower for limit in limits), min(limit.upper for limit in limits)
+        low, high = max(limit.lower for limit in limits), min(limit.upper for limit in limits)
+        if not low < high:  # as when one joint closes with a growing value and the other with a falling one
+            raise InputError(f"{self.path}: expected limits that both closing joints share, got {low:g} to {high:g}")
+        return low, high
 
     def joints(self, proximal: float) -> dict[str, float]:
         """All joint values with both fingers at `proximal`, distal joints turned against them (pads parallel)."""
@@ -172,6 +176,12 @@ class Kinematics:
             for collision in link.collisions
         ]
         return Preshape(joints, T_base_tcp, links, tuple(shapes))
+
+    def meshes(self) -> bytes:
+        """The files of collision shapes, which stand beside the URDF."""
+        shapes = [collision.geometry for link in self.robot.links for collision in link.collisions]
+        names = sorted({shape.filename for shape in shapes if hasattr(shape, "filename")})
+        return b"".join((self.path.parent / name).read_bytes() for name in names)
 
     def _tcp(self, links: dict[str, np.ndarray]) -> np.ndarray:
         first, second = self.pads(links)

@@ -152,16 +152,54 @@ def test_settings_that_the_hand_cannot_have(change, message):
         load_hand(typed(HandConfig, {**panda_settings(), **change}))
 
 
-def test_a_closing_joint_without_limits_is_refused(tmp_path, panda):
-    path = tmp_path / "hand.urdf"
-    path.write_text(re.sub(r"<limit [^>]*>", "", panda.urdf.read_text()).replace("prismatic", "continuous"))
-    with pytest.raises(InputError, match="expected limits of the joints that close the fingers, got none"):
-        load_hand(typed(HandConfig, {**panda_settings(), "urdf": str(path)}))
+def changed(folder: Path, pattern: str, replacement: str) -> HandConfig:
+    """Settings of a hand whose URDF has `pattern` replaced everywhere."""
+    path = folder / "hand.urdf"
+    path.write_text(re.sub(pattern, replacement, (root() / "data/hands/panda.urdf").read_text()))
+    return typed(HandConfig, {**panda_settings(), "urdf": str(path)})
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement", "message"),
+    [
+        ('prismatic">((.|\n)*?)<limit [^>]*>', r'continuous">\1', "expected limits of the joints that close the fing"),
+        (
+            '0 -1 0"/>\n    <limit lower="0" upper="0.04"',
+            '0 1 0"/>\n    <limit lower="-0.04" upper="0"',
+            "joints share",
+        ),
+    ],
+)
+def test_closing_joints_need_limits_that_they_share(tmp_path, pattern, replacement, message):
+    with pytest.raises(InputError, match=message):
+        load_hand(changed(tmp_path, pattern, replacement))
+
+
+def test_visual_shapes_are_left_out(tmp_path):
+    """A robot's own URDF has meshes with colours to look at, which SAPIEN would want a renderer for."""
+    look = '<visual><geometry><mesh filename="package://robot/hand.dae"/></geometry><material name="white">'
+    look += '<color rgba="1 1 1 1"/></material></visual>'
+    seen = load_hand(changed(tmp_path, "</inertial>", "</inertial>" + look))
+    assert outcome(seen, can(), from_side(0.06), "WPG") == "success"
+
+
+def test_a_mesh_file_is_part_of_the_hand(tmp_path):
+    """The palm as a mesh file: the same trial, and another digest once the file is another."""
+    digests = []
+    for name, height in (("low", 0.08), ("high", 0.092)):
+        (tmp_path / name).mkdir()
+        trimesh.creation.box((0.063, 0.208, height)).export(tmp_path / name / "palm.stl")
+        box_, mesh = '<box size="0.063 0.208 0.092"/>', '<mesh filename="palm.stl"/>'
+        hand = load_hand(changed(tmp_path / name, box_, mesh))
+        digests.append(hand.digest)
+        assert outcome(hand, can(), from_side(0.06), "WPG") == "success"
+        assert np.ptp(hand.preshapes["NPG"].shapes[0].bounds[:, 2]) == pytest.approx(height, abs=1e-6)
+    assert digests[0] != digests[1]
 
 
 def test_no_code_knows_this_hand():
     code = [path.read_text() for path in (root() / "spgf_torch").rglob("*.py")]
-    assert code and not any("panda" in text.lower() for text in code)
+    assert code and not any("panda_" in text or "franka" in text.lower() for text in code)
 
 
 NAMES = ("mug_coffee", "tumbler", "box_tea", "soap_bar", "egg", "banana")
@@ -207,7 +245,15 @@ def test_simulate_train_evaluate(tmp_path: Path):
     block = trimesh.creation.box((0.05, 0.06, 0.08)).subdivide().subdivide()
     block.export(meshes / "block.ply")
     (meshes / "manifest.csv").write_text("name,file,class\nblock,block.ply,box\n")
-    held = [f"objects={meshes}", f"model={model}", "candidates=sampled", "samples=60", "random_trials=3", "N=3", "workers=1"]
+    held = [
+        f"objects={meshes}",
+        f"model={model}",
+        "candidates=sampled",
+        "samples=60",
+        "random_trials=3",
+        "N=3",
+        "workers=1",
+    ]
     evaluate.run(composed("evaluate", EvaluateConfig, *held, "hand=panda"), tmp_path)
     (row,) = json.loads((tmp_path / "results.json").read_text())["per_object"]
     assert row["object"] == "block" and 0 <= row["CG"] <= 1
