@@ -268,6 +268,7 @@ class ObjectsConfig:
     unit: str = choice("auto", "m", "cm", "mm")
     category: str = choice("manifest", *CLASSES)
     skip_bad: bool = MISSING
+    workers: int = bounded(0, 1024)
     hand: HandConfig = field(default_factory=HandConfig)
     collision: CollisionConfig = field(default_factory=CollisionConfig)
 
@@ -288,7 +289,6 @@ class TrainConfig(ObjectsConfig):
     bootstrap: int = bounded(100, 1_000_000)
     trials: str = text()
     device: str = text()
-    workers: int = bounded(0, 1024)
     cache: str | None = text()
     cache_gb: float = bounded(0.0, 1e6)
     sensing: SensingConfig = field(default_factory=SensingConfig)
@@ -306,7 +306,6 @@ class SimulateConfig(ObjectsConfig):
     candidates: int = bounded(1, 10_000_000)
     out: str | None = text()
     seed: int = bounded(0, 2**31 - 1)
-    workers: int = bounded(0, 1024)
     sampler: SamplerConfig = field(default_factory=SamplerConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
 
@@ -323,7 +322,6 @@ class EvaluateConfig(ObjectsConfig):
     ranking: str = choice(*RANKINGS)
     bootstrap: int = bounded(100, 1_000_000)
     seed: int = bounded(0, 2**31 - 1)
-    workers: int = bounded(0, 1024)
     device: str = text()
     cache: str | None = text()
     cache_gb: float = bounded(0.0, 1e6)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 def run(config: EvaluateConfig, folder: Path) -> None:
     """Sense the meshes, rank candidate grasps, execute the best of each type; write the rates into `folder`."""
     from spgf_torch.affordance.model import check_device, load_model
+    from spgf_torch.cache import Cache
     from spgf_torch.evaluation.executed import executed_results
     from spgf_torch.evaluation.files import write_bytes, write_json
     from spgf_torch.evaluation.tables import executed_table, scans_table
@@ -42,7 +43,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     stages = Stages()
     model = load_model(find(config.model), config.device)
     restored = restore(model, config)
-    found = read_objects(config)
+    found = read_objects(config, Stages(), Cache.open(config.cache, config.cache_gb))
     for note in found.notes:
         show(note)
     if found.scans:

@@ -35,13 +35,13 @@ def run(config: TrainConfig, folder: Path) -> None:
 
     check_device(config.device)
     start, stages = time.perf_counter(), Stages()
-    found = read_objects(config, stages)
+    cache = Cache.open(config.cache, config.cache_gb)
+    found = read_objects(config, stages, cache)
     objects = found.objects
     for note in found.notes:
         show(note)
     design = _design(objects, config)
     tried = tried_grasps(objects, config)
-    cache = Cache.open(config.cache, config.cache_gb)
     volumes = open_hand(config.hand)
     describe = Description(
         config.sensing, config.features, config.affordance, volumes, config.seed, config.device, cache

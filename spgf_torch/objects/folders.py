@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from spgf_torch.config import CLASSES, InputError, ObjectsConfig, find
+from joblib import Parallel, delayed
+
+from spgf_torch.cache import Cache
+from spgf_torch.config import CLASSES, CollisionConfig, InputError, ObjectsConfig, find
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.layouts import Found, has_meshes, recognise
 from spgf_torch.objects.library import load_objects
 from spgf_torch.objects.manifest import CATEGORIES, MANIFEST, Entry, read_manifest
-from spgf_torch.objects.scans import FITTED, Scan, Source, load_scan
+from spgf_torch.objects.scans import FITTED, NOTHING_KEPT, Scan, Source, load_scan
 from spgf_torch.progress import Stages
 
 AUTO = "auto"  # unit: the layout's own
 LISTED = "manifest"  # category: what the manifest says
+MANY = 8  # meshes; fewer are read before other processes have started
 
 
 @dataclass(frozen=True)
@@ -33,12 +37,13 @@ class Objects:
     notes: list[str]
 
 
-def read_objects(config: ObjectsConfig, stages: Stages | None = None) -> Objects:
+def read_objects(config: ObjectsConfig, stages: Stages, cache: Cache = NOTHING_KEPT) -> Objects:
     """Every object of the folder `config.objects`.
 
     Descriptions (*.yaml, `library`), or meshes: those that `manifest.csv` names with their files, else those of the
     layout that is recognised (`layouts`), of which a manifest without the column `file` may list some. A mesh's class
-    is the manifest's, else `config.category`. Its unit is `config.unit`, else the layout's, else m.
+    is the manifest's, else `config.category`. Its unit is `config.unit`, else the layout's, else m. Collision pieces
+    are taken from `cache` and kept there.
 
     Raises InputError in one line for a folder with neither, or with both; for a manifest that cannot be used; for
     objects without a class; and for the first mesh that cannot be used, unless `config.skip_bad`.
@@ -51,7 +56,8 @@ def read_objects(config: ObjectsConfig, stages: Stages | None = None) -> Objects
         objects = load_objects(folder)
         return Objects(objects, [], [f"{folder}: {_count(len(objects), 'described object')}"])
     sources, unit, note = _meshes(folder, config)
-    scans, notes = _scans(sources, unit, config, stages or Stages())
+    with stages.stage("objects", len(sources), "meshes") as advance:
+        scans, notes = _scans(sources, unit, config, cache, advance)
     return Objects([scan.object for scan in scans], scans, [note, *notes])
 
 
@@ -97,28 +103,43 @@ def _category(folder: Path, entry: Entry, config: ObjectsConfig) -> str:
     return config.category
 
 
-def _scans(sources: Sequence[Source], unit: str, config: ObjectsConfig, stages: Stages) -> tuple[list[Scan], list[str]]:
+def _scans(
+    sources: Sequence[Source], unit: str, config: ObjectsConfig, cache: Cache, advance: Callable[[int], None]
+) -> tuple[list[Scan], list[str]]:
     """The scans of the meshes that can be used, and a line on each that was mended or left out."""
     scans, notes = [], []
-    with stages.stage("objects", len(sources), "meshes") as advance:
-        for source in sources:
-            try:
-                scan = load_scan(source, unit, _width(config), config.collision)
-            except InputError as error:
-                if not config.skip_bad:
-                    raise _with_hint(error, len(sources)) from None
-                notes.append(f"left out: {error}")
-            else:
-                scans.append(scan)
-                notes += [f"mended: {source.file}: {scan.mended}"] if scan.mended else []
-            advance(1)
+    for source, read in zip(sources, _read(sources, unit, config, cache), strict=True):
+        if isinstance(read, InputError):
+            notes.append(f"left out: {read}")
+        else:
+            scans.append(read)
+            notes += [f"mended: {source.file}: {read.mended}"] if read.mended else []
+        advance(1)
     if not scans:
         raise InputError(f"{config.objects}: expected a mesh that can be used, got none; {notes[0]}")
     return scans, notes
 
 
-def _with_hint(error: InputError, meshes: int) -> InputError:
-    return InputError(f"{error} (skip_bad=true goes on without it)") if meshes > 1 else error
+def _read(sources: Sequence[Source], unit: str, config: ObjectsConfig, cache: Cache) -> Iterator[Scan | InputError]:
+    """Each mesh, or what is wrong with it, in order; by several processes where there are many."""
+    workers = 1 if len(sources) < MANY else config.workers or -1
+    settings = unit, _width(config), config.collision, config.skip_bad, cache.folder, cache.limit
+    try:
+        yield from Parallel(workers, return_as="generator")(delayed(_read_one)(source, *settings) for source in sources)
+    except InputError as error:
+        hint = " (skip_bad=true goes on without it)" if len(sources) > 1 else ""
+        raise InputError(f"{error}{hint}") from None
+
+
+def _read_one(
+    source: Source, unit: str, width: float, collision: CollisionConfig, skip: bool, kept_in: Path | None, limit: int
+) -> Scan | InputError:
+    try:
+        return load_scan(source, unit, width, collision, Cache(kept_in, limit / 1e9))
+    except InputError as error:
+        if skip:
+            return error
+        raise
 
 
 def _width(config: ObjectsConfig) -> float:

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from spgf_torch.cache import Cache
 from spgf_torch.config import CollisionConfig, InputError
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.objects.kept_pieces import kept_pieces
 from spgf_torch.objects.mending import mended, open_edges
-from spgf_torch.objects.shell import PieceCheck, collision_pieces
+from spgf_torch.objects.shell import PieceCheck
 
 SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -19,6 +21,7 @@ METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 FITTED = "fitted"
 # EGAD's own scripts/prepare_meshes.py: the least side of a mesh may be this share of the gripper's width.
 GRIPPED = 0.8
+NOTHING_KEPT = Cache(None)
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ class Scan:
     mended: str = ""
 
 
-def load_scan(source: Source, unit: str, width: float, collision: CollisionConfig) -> Scan:
+def load_scan(source: Source, unit: str, width: float, collision: CollisionConfig, cache: Cache = NOTHING_KEPT) -> Scan:
     """Read a mesh, put right what can be (`mending`), and cut it into collision pieces.
 
     Args:
@@ -51,6 +54,7 @@ def load_scan(source: Source, unit: str, width: float, collision: CollisionConfi
             mesh is their wall) or `collision.density` (the others, closed outer surfaces).
         unit: of the mesh: m, cm, mm or FITTED.
         width: of the opened gripper, m; what a mesh without a unit is scaled to.
+        cache: of collision pieces.
 
     Returns:
         the scan; its object's frame is its mesh's, scaled to metres and otherwise untouched.
@@ -65,7 +69,7 @@ def load_scan(source: Source, unit: str, width: float, collision: CollisionConfi
         vertices = _metres(source.file, vertices, faces, unit, collision)
     mesh, words = mended(_merged(vertices, faces), collision.max_hole)
     _check_closed(source.file, mesh)
-    pieces, check = collision_pieces(mesh, collision, label=str(source.file))
+    pieces, check = kept_pieces(mesh, collision, str(source.file), cache)
     density = collision.wall_density if source.category == "containers" else collision.density
     mass = source.mass if source.mass is not None else density * float(mesh.volume)
     inertia = np.array(mesh.moment_inertia) * (mass / mesh.volume)

@@ -9,6 +9,7 @@ import trimesh
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
+from spgf_torch.cache import Cache
 from spgf_torch.cli import slug
 from spgf_torch.config import (
     CLASSES,
@@ -22,9 +23,12 @@ from spgf_torch.config import (
     settings,
     typed,
 )
+from spgf_torch.objects import kept_pieces
 from spgf_torch.objects.folders import Objects, read_objects
 from spgf_torch.objects.layouts import recognise
 from spgf_torch.objects.manifest import CATEGORIES
+from spgf_torch.objects.scans import NOTHING_KEPT
+from spgf_torch.progress import Stages
 
 SIZE = np.array((0.06, 0.04, 0.10))
 
@@ -42,12 +46,11 @@ def lay(root: Path, *files: str, scale: float = 1.0, inverted: bool = False) -> 
     return root
 
 
-def read(folder: Path, category: str = "boxes", **changes: Any) -> Objects:
-    values = {"objects": str(folder), "unit": "auto", "category": category, "skip_bad": False}
+def read(folder: Path, category: str = "boxes", cache: Cache = NOTHING_KEPT, **changes: Any) -> Objects:
+    values = {"objects": str(folder), "unit": "auto", "category": category, "skip_bad": False, "workers": 1}
     collision = settings(CollisionConfig, samples=10_000)
-    return read_objects(
-        typed(ObjectsConfig, {**values, "hand": settings(HandConfig), "collision": collision, **changes})
-    )
+    config = typed(ObjectsConfig, {**values, "hand": settings(HandConfig), "collision": collision, **changes})
+    return read_objects(config, Stages(), cache)
 
 
 def refused(folder: Path, message: str, **changes: Any) -> None:
@@ -220,6 +223,28 @@ def test_descriptions_are_read_as_before(tmp_path: Path) -> None:
     found = read(tmp_path, category="manifest")
     assert found.notes == [f"{tmp_path}: 1 described object"] and found.scans == []
     assert [(obj.name, obj.category) for obj in found.objects] == [("apple", "curved")]
+
+
+def test_collision_pieces_are_cut_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second time from the cache, the same to the bit; a changed setting is another entry."""
+    lay(tmp_path / "meshes", "a.ply")
+    kept = Cache(tmp_path / "cache")
+    first, plain = read(tmp_path / "meshes", cache=kept), read(tmp_path / "meshes")
+    monkeypatch.setattr(kept_pieces, "collision_pieces", None)
+    again = read(tmp_path / "meshes", cache=kept)
+    assert first.objects[0].digest == again.objects[0].digest == plain.objects[0].digest
+    assert first.scans[0].check == again.scans[0].check == plain.scans[0].check
+    with pytest.raises(TypeError):
+        read(tmp_path / "meshes", cache=kept, collision=settings(CollisionConfig))
+
+
+def test_many_meshes_are_read_by_several_processes_as_by_one(tmp_path: Path) -> None:
+    lay(tmp_path, *(f"{name}.ply" for name in "abcdefgh"))
+    (tmp_path / "c.ply").write_bytes(b"ply\n")
+    one, two = (read(tmp_path, skip_bad=True, workers=workers) for workers in (1, 2))
+    assert [obj.digest for obj in one.objects] == [obj.digest for obj in two.objects]
+    assert one.notes == two.notes and len(one.objects) == 7
+    refused(tmp_path, "c.ply: expected a .ply mesh", workers=2)
 
 
 OmegaConf.register_new_resolver("slug", slug, replace=True)
