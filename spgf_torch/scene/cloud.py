@@ -62,40 +62,44 @@ def check_count(path: Path, count: int, limit: int) -> None:
         raise InputError(f"{path}: expected at most {limit} points (max_points), got {count}; thin them first")
 
 
-def checked(path: Path, cloud: Cloud, organised: bool) -> Cloud:
-    """The cloud's usable points, with normals of length 1.
+def checked(cloud: Cloud, organised: bool) -> Cloud:
+    """The cloud's usable points as float64, with normals of length 1.
 
     Args:
-        path: named in errors.
         organised: the points are pixels of an image, where NaN and (0, 0, 0) say that nothing was measured: dropped.
 
     Raises:
-        InputError: no points, NaN (not organised), infinity, normals of length 0 or not of length 1.
+        InputError: arrays not (N, 3), no points, NaN (not organised), infinity, normals of length 0 or not 1.
     """
+    name = cloud.name
+    for what, values in (("points", cloud.points), ("normals", cloud.normals), ("viewpoints", cloud.viewpoints)):
+        length = len(cloud) if what == "normals" else "N"
+        if values is not None and (values.ndim != 2 or values.shape[1] != 3 or length not in ("N", len(values))):
+            raise InputError(f"{name}: expected {what} of shape ({length}, 3), got {values.shape}")
+    cloud = replace(cloud, points=cloud.points.astype(np.float64, copy=False))
     columns = [cloud.points] if cloud.normals is None else [cloud.points, cloud.normals]
     if organised:
         measured = ~np.any([np.isnan(c).any(axis=1) for c in columns], axis=0) & (cloud.points != 0).any(axis=1)
         if not measured.any():
-            raise InputError(f"{path}: expected points, got none: all {len(cloud)} pixels are NaN or zero")
+            raise InputError(f"{name}: expected points, got none: all {len(cloud)} pixels are NaN or zero")
         cloud = cloud.select(measured)
     if not len(cloud):
-        raise InputError(f"{path}: expected points, got none")
+        raise InputError(f"{name}: expected points, got none")
     for what, values in (("points", cloud.points), ("normals", cloud.normals), ("viewpoints", cloud.viewpoints)):
         bad = 0 if values is None else int((~np.isfinite(values)).any(axis=1).sum())
         if bad:
-            raise InputError(f"{path}: expected finite {what}, got {bad} with NaN or infinity; remove them first")
-    normals = None if cloud.normals is None else _unit(path, cloud.normals)
-    return replace(cloud, normals=normals, name=str(path))
+            raise InputError(f"{name}: expected finite {what}, got {bad} with NaN or infinity; remove them first")
+    return cloud if cloud.normals is None else replace(cloud, normals=_unit(name, cloud.normals))
 
 
-def _unit(path: Path, normals: np.ndarray) -> np.ndarray:
+def _unit(name: str, normals: np.ndarray) -> np.ndarray:
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     zero = int((length == 0).sum())
     if zero:
-        raise InputError(f"{path}: expected normals of length 1, got {zero} of {len(normals)} with length 0")
+        raise InputError(f"{name}: expected normals of length 1, got {zero} of {len(normals)} with length 0")
     if np.abs(length - 1).max() > _LENGTH_TOLERANCE:
         raise InputError(
-            f"{path}: expected normals of length 1, got lengths of {length.min():.3g} to {length.max():.3g} "
+            f"{name}: expected normals of length 1, got lengths of {length.min():.3g} to {length.max():.3g} "
             "(colours? then give x y z alone)"
         )
     return normals / length

@@ -83,7 +83,7 @@ def _ply(path: Path, limit: int) -> Cloud:
         ) from error
     if len(points) != count:
         raise InputError(f"{path}: expected {count} points as its header says, got {len(points)}: the file is cut")
-    return checked(path, Cloud(points, normals), organised=False)
+    return checked(Cloud(points, normals, None, str(path)), organised=False)
 
 
 def _text(path: Path, limit: int) -> Cloud:
@@ -106,7 +106,8 @@ def _text(path: Path, limit: int) -> Cloud:
     if table.size:
         table = _columns(path, table, names)
     check_count(path, len(table), limit)
-    return checked(path, Cloud(table[:, :3], table[:, 3:] if table.shape[1] == 6 else None), organised=False)
+    normals = table[:, 3:] if table.shape[1] == 6 else None
+    return checked(Cloud(table[:, :3], normals, None, str(path)), organised=False)
 
 
 def _layout(lines: Iterable[str]) -> tuple[list[str], str | None, int]:
@@ -169,9 +170,7 @@ def _numpy(path: Path, limit: int) -> Cloud:
     viewpoints = None
     if "viewpoints" in arrays:
         viewpoints = np.array(_array(path, "viewpoints", arrays["viewpoints"]), dtype=np.float64)
-        if viewpoints.shape[1:] != (3,):
-            raise InputError(f"{path}: viewpoints: expected shape (V, 3), got {viewpoints.shape}")
-    return checked(path, Cloud(flat[:, :3], normals, viewpoints), organised)
+    return checked(Cloud(flat[:, :3], normals, viewpoints, str(path)), organised)
 
 
 def _array(path: Path, name: str, array: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import torch
 
 from spgf_torch.config import InputError, SceneConfig, SensingConfig, find
 from spgf_torch.objects.scans import METRES
-from spgf_torch.scene.cloud import Cloud, vectors, voxel_means
+from spgf_torch.scene.cloud import Cloud, checked, vectors, voxel_means
 from spgf_torch.scene.depth import (
     camera_of,
     check_depth,
@@ -88,7 +88,7 @@ def texlets_of(cloud: Cloud, config: SceneConfig, sensing: SensingConfig, genera
 def scene_of_clouds(
     clouds: Sequence[Cloud], config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator
 ) -> Scene:
-    """The scene that point clouds in m, one frame, show together.
+    """The scene that point clouds in m, one frame, show together, such as those of a live camera.
 
     Each is cropped, thinned by voxels, freed from the table and from outliers, and given normals where it has none,
     turned to its own viewpoints (or to `config.viewpoints`); then all are thinned to texlets together.
@@ -96,6 +96,7 @@ def scene_of_clouds(
     if config.viewpoints is not None:
         viewpoints = vectors("viewpoints", config.viewpoints, (None, 3))
         clouds = [replace(cloud, viewpoints=viewpoints) for cloud in clouds]
+    clouds = [checked(cloud, organised=False) for cloud in clouds]
     read = sum(map(len, clouds))
     clouds, notes = cropped(clouds, config)
     clouds = [voxel_means(cloud, config.voxel) for cloud in clouds]
@@ -130,6 +131,8 @@ def scene_of_views(
     """
     clouds, strides = [], []
     for number, (depth, camera) in enumerate(views):
+        if depth.shape != (camera.height, camera.width):
+            raise InputError(f"depth image: expected {camera.height} x {camera.width} pixels, got {depth.shape}")
         strides.append(_stride(depth, camera, config, sensing))
         clouds.append(surface(*every(depth, camera, strides[-1]), sensing, f"depth image {number + 1}"))
     if not any(map(len, clouds)):

@@ -8,8 +8,9 @@ import torch
 import trimesh
 
 from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
-from spgf_torch.scene.scene import Scene, read_scene
-from spgf_torch.sensing.cameras import surround
+from spgf_torch.scene.cloud import Cloud
+from spgf_torch.scene.scene import Scene, read_scene, scene_of_views, texlets_of
+from spgf_torch.sensing.cameras import Camera, surround
 from spgf_torch.sensing.sense import observe
 
 SENSING = settings(SensingConfig)
@@ -179,6 +180,26 @@ def test_bad_meshes(tray: trimesh.Trimesh, tmp_path: Path) -> None:
         read(input=tmp_path / "none.stl")
     with pytest.raises(InputError, match="input: expected one mesh or several clouds, got 2 meshes in 2 files"):
         read(input=[tmp_path / "inverted.stl"] * 2)
+
+
+@pytest.mark.parametrize(
+    ("points", "normals", "message"),
+    [
+        (np.full((4, 3), np.nan), None, "live: expected finite points, got 4"),
+        (np.zeros((0, 3)), None, "live: expected points, got none"),
+        (np.zeros((4, 2)), None, r"live: expected points of shape \(N, 3\), got \(4, 2\)"),
+        (np.zeros((4, 3)), np.ones((3, 3)), r"live: expected normals of shape \(4, 3\), got \(3, 3\)"),
+    ],
+)
+def test_arrays_are_checked_as_files_are(points: np.ndarray, normals: np.ndarray | None, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        texlets_of(Cloud(points, normals, None, "live"), settings(SceneConfig), SENSING, np.random.default_rng(0))
+
+
+def test_a_depth_image_of_another_size_than_its_camera() -> None:
+    with pytest.raises(InputError, match=r"depth image: expected 6 x 8 pixels, got \(8, 6\)"):
+        views = [(np.ones((8, 6)), Camera(np.eye(3), np.eye(4), 8, 6))]
+        scene_of_views(views, settings(SceneConfig), SENSING, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("given", [None, [], 3, ["a.ply", 4]])

@@ -129,7 +129,11 @@ COLOURS = np.hstack([POINTS, [[255, 0, 0], [10, 20, 30], [0, 0, 7]]])
         ("a.npy", saved(COLOURS), r"got lengths of 7 to 255 \(colours\?"),
         ("a.npz", zipped(points=POINTS, normals=NORMALS[:2]), "expected points and normals of one shape"),
         ("a.npz", zipped(xyz=POINTS), "expected an array named points, got xyz"),
-        ("a.npz", zipped(points=POINTS, viewpoints=np.zeros((2, 6))), r"viewpoints: expected shape \(V, 3\)"),
+        (
+            "a.npz",
+            zipped(points=POINTS, viewpoints=np.zeros((2, 6))),
+            r"expected viewpoints of shape \(N, 3\), got \(2, 6\)",
+        ),
         ("a.npy", saved(POINTS.T[:, :2]), r"expected shape \(N, 3\).*a depth image\? then give intrinsics"),
         ("a.npy", saved(np.array([{"x": 1}])), "expected a whole numpy file"),
         ("a.npy", saved(np.array([["a", "b", "c"]])), "expected numbers, got <U1"),
