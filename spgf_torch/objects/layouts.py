@@ -1,8 +1,8 @@
 """Mesh data sets as they lie on disk: which layout a folder has, and which file stands for each object.
 
-Where an object has several files, the first of a layout's patterns that is there is taken. Fine enough to keep a wall
-of a millimetre and small enough to be cut into convex pieces in seconds is what the orders below prefer (16,000 faces;
-see `shell`): a finer mesh says no more to a gripper, and a coarser one has lost its wall.
+Where an object has several files, the one of the first of a layout's patterns is taken. About 16,000 faces are
+preferred. On YCB's bowl, whose wall is 0.9 mm, collision pieces of 16,000, 65,000 and 262,000 faces differ by 1 to 2 %
+of the volume and take 4, 8 and 19 s to cut; 5,000 faces by decimation lose 2 % of the volume, 800 lose 21 % of it.
 """
 
 from __future__ import annotations

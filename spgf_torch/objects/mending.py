@@ -33,7 +33,7 @@ def mended(mesh: trimesh.Trimesh, max_hole: float) -> tuple[trimesh.Trimesh, lis
         before, closed = closed.faces.copy(), closed.copy()
         trimesh.repair.fix_winding(closed)
         turned = int((_orientation(before) != _orientation(closed.faces)).sum())
-    if closed.is_winding_consistent and closed.volume < 0.0:
+    if closed.is_winding_consistent and signed_volume(closed) < 0.0:
         closed = trimesh.Trimesh(closed.vertices, closed.faces[:, ::-1], process=False)
         turned = len(closed.faces) - turned
     if turned:
@@ -45,6 +45,12 @@ def open_edges(mesh: trimesh.Trimesh) -> tuple[int, int]:
     """How many edges have one face, and how many have more than two; (0, 0) of a closed surface."""
     shared = np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1]
     return int((shared == 1).sum()), int((shared > 2).sum())
+
+
+def signed_volume(mesh: trimesh.Trimesh) -> float:
+    """m3, below 0 where the faces of a closed surface turn inwards; trimesh's own warns where it is 0."""
+    a, b, c = np.moveaxis(mesh.triangles - mesh.bounds.mean(axis=0), 1, 0)
+    return float((a * np.cross(b, c)).sum() / 6.0)
 
 
 def _is_closed(mesh: trimesh.Trimesh) -> bool:
@@ -66,6 +72,8 @@ def _without_doubles(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     net = np.sign(np.bincount(group, weights=sign))
     agrees = np.flatnonzero(sign == net[group])
     kept = np.sort(agrees[np.unique(group[agrees], return_index=True)[1]])
+    if not len(kept):  # nothing but a sheet with two sides
+        return mesh
     return trimesh.Trimesh(mesh.vertices, faces[kept], process=False)
 
 

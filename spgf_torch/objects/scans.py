@@ -12,7 +12,7 @@ from spgf_torch.cache import Cache
 from spgf_torch.config import CollisionConfig, InputError
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.kept_pieces import kept_pieces
-from spgf_torch.objects.mending import mended, open_edges
+from spgf_torch.objects.mending import mended, open_edges, signed_volume
 from spgf_torch.objects.shell import PieceCheck
 
 SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
@@ -21,6 +21,8 @@ METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 FITTED = "fitted"
 # EGAD's own scripts/prepare_meshes.py: the least side of a mesh may be this share of the gripper's width.
 GRIPPED = 0.8
+# m, twice volume over area: a fifth of a sheet of paper; nothing thinner can be cut into convex pieces.
+MIN_THICKNESS = 2e-5
 NOTHING_KEPT = Cache(None)
 
 
@@ -112,7 +114,7 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray]:
 def _loaded(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """(V, 3) float64 vertices and (F, 3) int64 triangles as the file has them; no triangles for a point cloud."""
     try:
-        loaded = trimesh.load_scene(path, process=False).to_geometry()
+        loaded = trimesh.load_scene(path, process=False, skip_materials=True).to_geometry()
     except Exception as error:  # each format's reader raises its own kinds for a damaged file
         raise InputError(f"{path}: expected a {path.suffix} mesh, got a damaged file ({_short(error)})") from error
     vertices = np.asarray(getattr(loaded, "vertices", np.empty((0, 3))), dtype=np.float64)
@@ -152,7 +154,11 @@ def _check_closed(path: Path, mesh: trimesh.Trimesh) -> None:
         )
     if not mesh.is_winding_consistent:
         raise InputError(f"{path}: expected all faces to turn the same way round, got a mixture")
-    if mesh.volume <= 0.0:
+    volume = signed_volume(mesh)
+    thickness = 2.0 * abs(volume) / float(mesh.area)
+    if thickness < MIN_THICKNESS:
+        raise InputError(f"{path}: expected a body, got a sheet {thickness * 1e3:.2g} mm thick on average")
+    if volume < 0.0:
         raise InputError(
-            f"{path}: expected normals pointing outwards, got an inverted mesh (volume {mesh.volume * 1e6:.4g} cm3)"
+            f"{path}: expected normals pointing outwards, got an inverted mesh (volume {volume * 1e6:.4g} cm3)"
         )

@@ -101,6 +101,7 @@ INVERTED = changed(FACES[:, ::-1])
 MIXED = changed(np.vstack([FACES[0][::-1], FACES[1:]]))
 TWO_MIXED = trimesh.util.concatenate([MIXED, box().apply_translation((0.2, 0, 0))])
 TWICE = changed(np.vstack([FACES, FACES[3]]))
+SHEET = trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], [[0, 1, 2], [2, 1, 0]], process=False)
 TWO_SIDED = changed(np.vstack([FACES, [[0, 1, 8], [8, 1, 0]]]), (0.2, 0.2, 0.2))
 
 
@@ -158,6 +159,8 @@ def nan_box() -> trimesh.Trimesh:
         (OPEN, "expected a closed surface, .* got 3 open edges and 0 edges with more"),
         (FINNED, "expected a closed surface, .* got 2 open edges and 1 edges with more"),
         (TWO_MIXED, "expected all faces to turn the same way round"),
+        (SHEET, "expected a body, got a sheet 0 mm thick on average"),
+        (trimesh.creation.box((0.1, 0.1, 1e-6)), "expected a body, got a sheet 0.001 mm thick on average"),
         (nan_box(), "expected finite vertices, got 1 of 8 with NaN or infinity"),
         (box(1000), "expected an extent of 0.005 to 1 m, got 100 m with unit=m; unit=cm or unit=mm would fit"),
         (box(0.001), "expected an extent of 0.005 to 1 m, got 0.0001 m with unit=m"),
