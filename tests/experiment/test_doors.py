@@ -7,9 +7,18 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
 import yaml
+
+import spgf_torch
+from spgf_torch.config import SensingConfig, settings
+from spgf_torch.exporting.graspnet import read_graspnet
+from spgf_torch.exporting.grasps_json import read_grasps
+from spgf_torch.exporting.isaac import read_isaac
+from spgf_torch.objects.library import load_objects
+from spgf_torch.sensing.sense import sense
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("bowl_sugar", "mug_coffee", "jar_jam", "tumbler", "soap_bar", "box_tea", "sponge", "apple", "egg", "can_soda")
@@ -192,3 +201,59 @@ def test_evaluate_refuses_bad_input(
     model = [] if any(o.startswith("model=") for o in overrides) else [f"model={small}/outputs/train/latest"]
     refused(call("evaluate", *overrides, *model, cwd=tmp_path), *words)
     assert not list(tmp_path.glob("outputs/evaluate/*"))
+
+
+@pytest.fixture(scope="module")
+def seen() -> np.ndarray:
+    """Points and normals (N, 6) of a mug, as four cameras see it."""
+    mug = next(obj for obj in load_objects(ROOT / "data/objects") if obj.name == "mug_coffee")
+    texlets = sense(mug, settings(SensingConfig, spacing=0.002), seed=1)
+    return np.concatenate([texlets.positions.numpy(), texlets.normals.numpy()], axis=1)
+
+
+def test_predict_writes_what_robots_read(small: Path, seen: np.ndarray, tmp_path: Path) -> None:
+    np.save(tmp_path / "mug.npy", seen)
+    done = call(
+        "predict", "input=mug.npy", f"model={small}/outputs/train/latest", "proposing.point_support=2", cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    run = tmp_path / "outputs/predict/latest"
+    grasps = read_grasps(run / "grasps.json")
+    assert grasps and "Ranked grasps" in done.stdout and f"{len(grasps)} grasps from" in done.stdout
+    assert len(read_isaac(run / "isaac_grasp.yaml").grasps) == len(read_graspnet(run / "graspnet.npy")) == len(grasps)
+    assert (run / "index.html").stat().st_size > 1e6 and (run / "grasps.png").read_bytes()[1:4] == b"PNG"
+    near = [np.linalg.norm(seen[:, :3] - g.T_input_tcp[:3, 3], axis=1).min() for g in grasps]
+    assert max(near) < 0.06  # m: every grasp is about the mug
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["input=nowhere.ply"], ["nowhere.ply"]),
+        (["input=mm.npy"], ["mm.npy", "unit"]),
+        (["input=bare.npy"], ["viewpoints"]),
+        (["input=bare.npy", "model=nowhere"], ["nowhere/model.json"]),
+    ],
+)
+def test_predict_refuses_bad_input(
+    small: Path, seen: np.ndarray, tmp_path: Path, overrides: list[str], words: list[str]
+) -> None:
+    np.save(tmp_path / "mm.npy", seen * np.array([1000, 1000, 1000, 1, 1, 1]))
+    np.save(tmp_path / "bare.npy", seen[:, :3])
+    model = [] if any(o.startswith("model=") for o in overrides) else [f"model={small}/outputs/train/latest"]
+    done = call("predict", *overrides, *model, cwd=tmp_path)
+    assert done.returncode == 2 and all(word in done.stderr for word in words), done.stderr
+    assert "Traceback" not in done.stderr and not list(tmp_path.glob("outputs/predict/*"))
+
+
+def test_a_model_in_python_gives_the_grasps_of_the_command(small: Path, seen: np.ndarray) -> None:
+    model = spgf_torch.load(small / "outputs/train/latest")
+    texlets = model.texlets(seen[:, :3], normals=seen[:, 3:])
+    grasps = model.predict(texlets, top=5)
+    assert 5 <= len(grasps) <= 10 and {g.type for g in grasps} <= {"NPG", "WPG"} and len(model.names) == 4
+    for g in grasps:
+        assert np.allclose(g.T_input_pregrasp[:3, 3], g.T_input_tcp[:3, 3] - 0.1 * g.T_input_tcp[:3, 2])
+        assert np.allclose(np.linalg.inv(g.T_input_base) @ g.T_input_tcp, model.grippers[g.type].T_base_tcp)
+    low = model.predict(texlets, top=5, plane=np.array([0.0, 0.0, 1.0, 10.0]))  # a table 10 m below changes nothing
+    assert np.allclose(low[0].T_input_tcp, grasps[0].T_input_tcp)
+    assert model.predict(texlets, top=5, plane=np.array([0.0, 0.0, 1.0, -10.0])) == []  # all is below this one
