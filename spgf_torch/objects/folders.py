@@ -14,7 +14,7 @@ from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.layouts import Found, has_meshes, recognise
 from spgf_torch.objects.library import load_objects
 from spgf_torch.objects.manifest import CATEGORIES, MANIFEST, Entry, read_manifest
-from spgf_torch.objects.scans import FITTED, NOTHING_KEPT, Scan, Source, load_scan
+from spgf_torch.objects.scans import FITTED, NOTHING_KEPT, Body, Scan, Source, read_body, scan_of
 from spgf_torch.progress import Stages
 
 AUTO = "auto"  # unit: the layout's own
@@ -107,39 +107,48 @@ def _scans(
     sources: Sequence[Source], unit: str, config: ObjectsConfig, cache: Cache, advance: Callable[[int], None]
 ) -> tuple[list[Scan], list[str]]:
     """The scans of the meshes that can be used, and a line on each that was mended or left out."""
-    scans, notes = [], []
-    for source, read in zip(sources, _read(sources, unit, config, cache), strict=True):
-        if isinstance(read, InputError):
-            notes.append(f"left out: {read}")
+    bodies, scans, notes = [], [], []
+    for source in sources:  # all are looked at before the first is cut into pieces, which takes longer
+        try:
+            bodies.append(read_body(source, unit, _width(config), config.collision))
+        except InputError as error:
+            if not config.skip_bad:
+                raise _with_hint(error, len(sources)) from None
+            notes.append(f"left out: {error}")
+            advance(1)
+    notes += [f"mended: {body.source.file}: {body.mended}" for body in bodies if body.mended]
+    for cut in _cut(bodies, config, cache):
+        if isinstance(cut, InputError):
+            notes.append(f"left out: {cut}")
         else:
-            scans.append(read)
-            notes += [f"mended: {source.file}: {read.mended}"] if read.mended else []
+            scans.append(cut)
         advance(1)
     if not scans:
         raise InputError(f"{config.objects}: expected a mesh that can be used, got none; {notes[0]}")
     return scans, notes
 
 
-def _read(sources: Sequence[Source], unit: str, config: ObjectsConfig, cache: Cache) -> Iterator[Scan | InputError]:
-    """Each mesh, or what is wrong with it, in order; by several processes where there are many."""
-    workers = 1 if len(sources) < MANY else config.workers or -1
-    settings = unit, _width(config), config.collision, config.skip_bad, cache.folder, cache.limit
+def _cut(bodies: Sequence[Body], config: ObjectsConfig, cache: Cache) -> Iterator[Scan | InputError]:
+    """Each mesh cut into pieces, or why it cannot be, in order; by several processes where there are many."""
+    workers = 1 if len(bodies) < MANY else config.workers or -1
+    settings = config.collision, config.skip_bad, cache.folder, cache.limit
     try:
-        yield from Parallel(workers, return_as="generator")(delayed(_read_one)(source, *settings) for source in sources)
+        yield from Parallel(workers, return_as="generator")(delayed(_cut_one)(body, *settings) for body in bodies)
     except InputError as error:
-        hint = " (skip_bad=true goes on without it)" if len(sources) > 1 else ""
-        raise InputError(f"{error}{hint}") from None
+        raise _with_hint(error, len(bodies)) from None
 
 
-def _read_one(
-    source: Source, unit: str, width: float, collision: CollisionConfig, skip: bool, kept_in: Path | None, limit: int
-) -> Scan | InputError:
+def _cut_one(body: Body, collision: CollisionConfig, skip: bool, kept_in: Path | None, limit: int) -> Scan | InputError:
     try:
-        return load_scan(source, unit, width, collision, Cache(kept_in, limit / 1e9))
+        return scan_of(body, collision, Cache(kept_in, limit / 1e9))
     except InputError as error:
         if skip:
             return error
         raise
+
+
+def _with_hint(error: InputError, meshes: int) -> InputError:
+    return InputError(f"{error} (skip_bad=true goes on without it)") if meshes > 1 else error
 
 
 def _width(config: ObjectsConfig) -> float:

@@ -37,29 +37,31 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Scan:
-    """A scanned object and how well its collision pieces stand for its mesh.
+class Body:
+    """A mesh that can be used: closed, in m, normals outwards; `mended` says in words what was put right, if any."""
 
-    `mended` says in words what of the mesh was put right, and is empty for a sound one.
-    """
+    source: Source
+    mesh: trimesh.Trimesh
+    mended: str
+
+
+@dataclass(frozen=True)
+class Scan:
+    """A scanned object and how well its collision pieces stand for its mesh."""
 
     object: GraspObject
     check: PieceCheck
-    mended: str = ""
 
 
-def load_scan(source: Source, unit: str, width: float, collision: CollisionConfig, cache: Cache = NOTHING_KEPT) -> Scan:
-    """Read a mesh, put right what can be (`mending`), and cut it into collision pieces.
+def read_body(source: Source, unit: str, width: float, collision: CollisionConfig) -> Body:
+    """Read a mesh and put right what can be (`mending`).
 
     Args:
-        source: without a mass an object weighs its mesh's volume times `collision.wall_density` (containers, whose
-            mesh is their wall) or `collision.density` (the others, closed outer surfaces).
         unit: of the mesh: m, cm, mm or FITTED.
         width: of the opened gripper, m; what a mesh without a unit is scaled to.
-        cache: of collision pieces.
 
     Returns:
-        the scan; its object's frame is its mesh's, scaled to metres and otherwise untouched.
+        the mesh in its own frame, scaled to metres and otherwise untouched.
 
     Raises InputError, which names the file, for a mesh that is unreadable, empty, not finite, of an unlikely size,
     not closed, or whose faces turn both ways round, beyond mending.
@@ -71,18 +73,31 @@ def load_scan(source: Source, unit: str, width: float, collision: CollisionConfi
         vertices = _metres(source.file, vertices, faces, unit, collision)
     mesh, words = mended(_merged(vertices, faces), collision.max_hole)
     _check_closed(source.file, mesh)
+    return Body(source, mesh, ", ".join(words))
+
+
+def scan_of(body: Body, collision: CollisionConfig, cache: Cache = NOTHING_KEPT) -> Scan:
+    """Cut a mesh into collision pieces, or take those that `cache` holds.
+
+    Without a mass an object weighs its mesh's volume times `collision.wall_density` (containers, whose mesh is their
+    wall) or `collision.density` (the others, closed outer surfaces).
+
+    Raises InputError, which names the file, where no pieces stand for the mesh well enough.
+    """
+    source, mesh = body.source, body.mesh
     pieces, check = kept_pieces(mesh, collision, str(source.file), cache)
     density = collision.wall_density if source.category == "containers" else collision.density
     mass = source.mass if source.mass is not None else density * float(mesh.volume)
     inertia = np.array(mesh.moment_inertia) * (mass / mesh.volume)
-    com = np.array(mesh.center_mass)
-    return Scan(GraspObject(source.name, source.category, mesh, pieces, mass, com, inertia), check, ", ".join(words))
+    return Scan(
+        GraspObject(source.name, source.category, mesh, pieces, mass, np.array(mesh.center_mass), inertia), check
+    )
 
 
 def read_mesh(path: Path, unit: str, collision: CollisionConfig) -> trimesh.Trimesh:
     """The mesh in `path` in metres, duplicate vertices merged; closed, with its normals outwards, nothing mended.
 
-    Raises InputError, which names the file, as `load_scan` does, and for a mesh that is inside out.
+    Raises InputError, which names the file, as `read_body` does, and for a mesh that is inside out.
     """
     vertices, faces = _read(path)
     mesh = _merged(_metres(path, vertices, faces, unit, collision), faces)

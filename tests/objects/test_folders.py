@@ -238,13 +238,17 @@ def test_collision_pieces_are_cut_once(tmp_path: Path, monkeypatch: pytest.Monke
         read(tmp_path / "meshes", cache=kept, collision=settings(CollisionConfig))
 
 
-def test_many_meshes_are_read_by_several_processes_as_by_one(tmp_path: Path) -> None:
+def test_many_meshes_are_cut_by_several_processes_as_by_one(tmp_path: Path) -> None:
+    """A card of 0.1 mm is closed, but no pieces keep its volume: what a worker refuses is told as well."""
     lay(tmp_path, *(f"{name}.ply" for name in "abcdefgh"))
-    (tmp_path / "c.ply").write_bytes(b"ply\n")
+    trimesh.creation.box((0.03, 0.03, 1e-4)).export(tmp_path / "card.ply")
+    (tmp_path / "bad.ply").write_bytes(b"ply\n")
     one, two = (read(tmp_path, skip_bad=True, workers=workers) for workers in (1, 2))
     assert [obj.digest for obj in one.objects] == [obj.digest for obj in two.objects]
-    assert one.notes == two.notes and len(one.objects) == 7
-    refused(tmp_path, "c.ply: expected a .ply mesh", workers=2)
+    assert one.notes == two.notes and len(one.objects) == 8
+    assert "left out" in two.notes[2] and "card.ply: expected collision pieces" in two.notes[2]
+    (tmp_path / "bad.ply").unlink()
+    refused(tmp_path, r"card.ply: expected collision pieces .*\(skip_bad=true goes on without it\)", workers=2)
 
 
 OmegaConf.register_new_resolver("slug", slug, replace=True)

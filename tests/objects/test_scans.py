@@ -8,7 +8,7 @@ import trimesh
 
 from spgf_torch.config import CollisionConfig, InputError, root, settings
 from spgf_torch.objects.mending import mended, open_edges
-from spgf_torch.objects.scans import FITTED, Scan, Source, fit, load_scan, read_mesh
+from spgf_torch.objects.scans import FITTED, Scan, Source, fit, read_body, read_mesh, scan_of
 
 SCANS = root().parent / "shared" / "meshes"
 SIZE = (0.06, 0.04, 0.10)
@@ -27,7 +27,7 @@ def loaded(
     path: Path, mesh: trimesh.Trimesh, config: CollisionConfig, category: str = "boxes", unit: str = "m"
 ) -> Scan:
     mesh.export(path)
-    return load_scan(Source("thing", path, category), unit, 0.095, config)
+    return scan_of(read_body(Source("thing", path, category), unit, 0.095, config), config)
 
 
 def test_mass_and_inertia_follow_from_the_class(tmp_path: Path, config: CollisionConfig) -> None:
@@ -39,7 +39,8 @@ def test_mass_and_inertia_follow_from_the_class(tmp_path: Path, config: Collisio
     assert len(scan.object.parts) == scan.check.pieces == 1
     assert scan.check.volume_ratio == pytest.approx(1.0, abs=0.03)
     assert loaded(tmp_path / "box.ply", box(), config, "containers").object.mass == pytest.approx(0.36)
-    assert load_scan(Source("brick", tmp_path / "box.ply", "boxes", 0.5), "m", 0.095, config).object.mass == 0.5
+    brick = Source("brick", tmp_path / "box.ply", "boxes", 0.5)
+    assert scan_of(read_body(brick, "m", 0.095, config), config).object.mass == 0.5
 
 
 @pytest.mark.parametrize("suffix", ["ply", "obj", "stl", "off", "glb"])
@@ -138,11 +139,11 @@ def test_pinholes_are_closed_and_wide_holes_left() -> None:
     assert open_edges(mended(pricked(0, 500), 0.002)[0]) == (6, 0)
 
 
-def test_a_mended_mesh_says_so(tmp_path: Path, config: CollisionConfig) -> None:
-    assert loaded(tmp_path / "cup.ply", INVERTED, config).mended == "12 of 12 faces turned outwards"
-    assert loaded(tmp_path / "cup.ply", box(), config).mended == ""
+def test_a_mended_mesh_says_so_and_is_refused_where_nothing_is_mended(tmp_path: Path, config: CollisionConfig) -> None:
+    INVERTED.export(tmp_path / "cup.ply")
+    body = read_body(Source("cup", tmp_path / "cup.ply", "boxes"), "m", 0.095, config)
+    assert body.mended == "12 of 12 faces turned outwards"
     with pytest.raises(InputError, match=r"cup.ply: expected normals .* got an inverted mesh \(volume -240 cm3\)"):
-        INVERTED.export(tmp_path / "cup.ply")
         read_mesh(tmp_path / "cup.ply", "m", config)
 
 
@@ -201,7 +202,8 @@ def test_a_mesh_in_millimetres_read_as_metres_too_small(tmp_path: Path, config: 
 @pytest.mark.skipif(not SCANS.is_dir(), reason="the scans are not part of the repository")
 def test_a_scanned_bowl_with_a_wall_of_one_millimetre_keeps_volume_and_cavity() -> None:
     source = Source("bowl", SCANS / "ycb_024_bowl.ply", "containers")
-    scan = load_scan(source, "m", 0.095, settings(CollisionConfig))
+    body = read_body(source, "m", 0.095, settings(CollisionConfig))
+    scan = scan_of(body, settings(CollisionConfig))
     assert abs(scan.check.volume_ratio - 1.0) <= 0.15
     assert scan.check.free_space_kept >= 0.95
-    assert scan.check.pieces <= 500 and scan.mended == ""
+    assert scan.check.pieces <= 500 and body.mended == ""
