@@ -5,20 +5,35 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 import yaml
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 
 import spgf_torch
-from spgf_torch.config import SensingConfig, settings
+from spgf_torch.config import (
+    EvaluateConfig,
+    InputError,
+    PredictConfig,
+    SensingConfig,
+    TrainConfig,
+    settings,
+    typed,
+)
+from spgf_torch.evaluate import run as evaluate
 from spgf_torch.exporting.graspnet import read_graspnet
 from spgf_torch.exporting.grasps_json import read_grasps
 from spgf_torch.exporting.isaac import read_isaac
 from spgf_torch.objects.library import load_objects
+from spgf_torch.predict import run as predict
 from spgf_torch.sensing.sense import sense
+from spgf_torch.train import run as train
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("bowl_sugar", "mug_coffee", "jar_jam", "tumbler", "soap_bar", "box_tea", "sponge", "apple", "egg", "can_soda")
@@ -47,6 +62,21 @@ def call(command: str, *overrides: str, cwd: Path) -> subprocess.CompletedProces
         text=True,
         timeout=200,
     )
+
+
+def composed(command: str, *overrides: str) -> Any:
+    """The settings of a command, as Hydra composes them."""
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        return OmegaConf.to_container(compose(command, overrides=list(overrides)), resolve=True)
+
+
+def says(run: Callable, kind: type, words: list[str], command: str, *overrides: str) -> None:
+    """The command, in this process, refuses in one line with all the words, and leaves nothing."""
+    Path("run").mkdir()
+    with pytest.raises(InputError) as error:
+        run(typed(kind, composed(command, *overrides)), Path("run"))
+    assert "\n" not in str(error.value) and all(word in str(error.value) for word in words), error.value
+    assert not list(Path("run").iterdir())
 
 
 def refused(done: subprocess.CompletedProcess, *words: str) -> None:
@@ -110,26 +140,39 @@ def test_the_same_command_gives_the_same_results(small: Path) -> None:
         (["K=abc"], ["abc", "Integer"]),
         (["features.radius=-1"], ["features.radius", "got -1"]),
         (["foo=3"], ["foo", "unknown key"]),
+    ],
+)
+def test_train_refuses_bad_settings(overrides: list[str], words: list[str], tmp_path: Path) -> None:
+    refused(call("train", *overrides, cwd=tmp_path), *words)
+    assert not list(tmp_path.glob("outputs/train/*"))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
         (["device=abacus"], ["device", "abacus"]),
         (["objects=nowhere"], ["nowhere"]),
         (["trials=nowhere"], ["nowhere", "simulate"]),
         (["episode.friction=0.5"], ["parquet", "episode.friction", "0.5"]),
     ],
 )
-def test_train_refuses_bad_input(overrides: list[str], words: list[str], tmp_path: Path) -> None:
-    refused(call("train", *overrides, cwd=tmp_path), *words)
-    assert not list(tmp_path.glob("outputs/train/*"))
+def test_train_refuses_bad_input(
+    overrides: list[str], words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    says(train, TrainConfig, words, "train", "K=4", *overrides)
 
 
-def test_train_refuses_damaged_trials(small: Path, tmp_path: Path) -> None:
+def test_train_refuses_damaged_trials(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     shutil.copytree(small / "trials", tmp_path / "trials")
     path = tmp_path / "trials/egg.parquet"
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    done = call("train", f"objects={small}/objects", "trials=trials", *TINY, cwd=tmp_path)
-    refused(done, "egg.parquet", "damaged")
+    command = ("train", f"objects={small}/objects", "trials=trials", *TINY)
+    says(train, TrainConfig, ["egg.parquet", "damaged"], *command)
     (tmp_path / "trials/config.yaml").write_text("candidates: [1")
-    done = call("train", f"objects={small}/objects", "trials=trials", *TINY, cwd=tmp_path)
-    refused(done, "config.yaml", "candidates and seed")
+    Path("run").rmdir()
+    says(train, TrainConfig, ["config.yaml", "candidates and seed"], *command)
 
 
 @pytest.mark.parametrize("command", ["train", "simulate", "evaluate"])
@@ -193,14 +236,19 @@ def test_evaluate_executes_the_best_grasps(small: Path, scanned: Path, mode: lis
     ],
 )
 def test_evaluate_refuses_bad_input(
-    small: Path, scanned: Path, tmp_path: Path, overrides: list[str], words: list[str]
+    small: Path,
+    scanned: Path,
+    tmp_path: Path,
+    overrides: list[str],
+    words: list[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()
     shutil.copytree(scanned, tmp_path / "large")
     trimesh.load_mesh(scanned / "block.ply").apply_scale(1000).export(tmp_path / "large/block.ply")
     model = [] if any(o.startswith("model=") for o in overrides) else [f"model={small}/outputs/train/latest"]
-    refused(call("evaluate", *overrides, *model, cwd=tmp_path), *words)
-    assert not list(tmp_path.glob("outputs/evaluate/*"))
+    says(evaluate, EvaluateConfig, words, "evaluate", *overrides, *model)
 
 
 @pytest.fixture(scope="module")
@@ -236,14 +284,18 @@ def test_predict_writes_what_robots_read(small: Path, seen: np.ndarray, tmp_path
     ],
 )
 def test_predict_refuses_bad_input(
-    small: Path, seen: np.ndarray, tmp_path: Path, overrides: list[str], words: list[str]
+    small: Path,
+    seen: np.ndarray,
+    tmp_path: Path,
+    overrides: list[str],
+    words: list[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     np.save(tmp_path / "mm.npy", seen * np.array([1000, 1000, 1000, 1, 1, 1]))
     np.save(tmp_path / "bare.npy", seen[:, :3])
     model = [] if any(o.startswith("model=") for o in overrides) else [f"model={small}/outputs/train/latest"]
-    done = call("predict", *overrides, *model, cwd=tmp_path)
-    assert done.returncode == 2 and all(word in done.stderr for word in words), done.stderr
-    assert "Traceback" not in done.stderr and not list(tmp_path.glob("outputs/predict/*"))
+    says(predict, PredictConfig, words, "predict", *overrides, *model)
 
 
 def test_a_model_in_python_gives_the_grasps_of_the_command(small: Path, seen: np.ndarray) -> None:
