@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from spgf_torch.cli import door
-from spgf_torch.config import PredictConfig
+from spgf_torch.config import PredictConfig, find
 from spgf_torch.progress import Stages, show
 
 
@@ -26,6 +26,7 @@ def run(config: PredictConfig, folder: Path) -> None:
     with stages.stage("model", 1, "model") as advance:
         predictor = Predictor.load(config.model, config.device, config.proposing, config.retreat).ready()
         advance(1)
+    show(f"model: {find(config.model).resolve()}, K = {len(predictor.model.centres)}")
     with stages.stage("scene", 1, "input") as advance:
         scene = read_scene(config, predictor.sensing, np.random.default_rng(config.seed))
         advance(1)
