@@ -26,7 +26,7 @@ from spgf_torch.proposing.propose import Proposals, Proposer
 from spgf_torch.reporting.learned import rings_deg
 from spgf_torch.reporting.names import prototype_names
 from spgf_torch.scene.cloud import Cloud
-from spgf_torch.scene.scene import Scene, scene_of_clouds
+from spgf_torch.scene.scene import texlets_of
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.trials.hand import load_hand
 
@@ -76,15 +76,6 @@ class Predictor:
         """A word for each prototype: `rim 7`."""
         return prototype_names(rings_deg(self.model))
 
-    def scene(
-        self, points: np.ndarray, viewpoint: Sequence[float] | None, normals: np.ndarray | None, config: SceneConfig
-    ) -> Scene:
-        """The scene that points (N, 3), m, show; see `texlets`. `config` may remove a table or crop."""
-        places = None if viewpoint is None else np.atleast_2d(np.asarray(viewpoint, dtype=np.float64))
-        turned = None if normals is None else np.asarray(normals, dtype=np.float64)
-        cloud = Cloud(np.asarray(points, dtype=np.float64), turned, places)
-        return scene_of_clouds([cloud], config, self.sensing, np.random.default_rng(0))
-
     def texlets(
         self,
         points: np.ndarray,
@@ -101,7 +92,10 @@ class Predictor:
 
         Raises InputError for points that cannot be used.
         """
-        return self.scene(points, viewpoint, normals, settings(SceneConfig, **changes)).texlets
+        places = None if viewpoint is None else np.atleast_2d(np.asarray(viewpoint, dtype=np.float64))
+        turned = None if normals is None else np.asarray(normals, dtype=np.float64)
+        cloud = Cloud(np.asarray(points, dtype=np.float64), turned, places)
+        return texlets_of(cloud, settings(SceneConfig, **changes), self.sensing, np.random.default_rng(0))
 
     def predict(self, texlets: Texlets, top: int = 10, plane: np.ndarray | None = None) -> list[Grasp]:
         """The `top` best grasps of each type and of both together, one list, best first; none where nothing votes.
