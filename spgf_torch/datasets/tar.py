@@ -1,0 +1,66 @@
+"""Tar files for WebDataset: written so that the same content gives the same bytes, read without trust."""
+
+from __future__ import annotations
+
+import io
+import tarfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from spgf_torch.config import InputError
+from spgf_torch.exporting.checks import unreadable
+
+END = 2 * tarfile.BLOCKSIZE  # bytes of zeros that end a tar
+
+
+@contextmanager
+def written(path: Path) -> Iterator[tarfile.TarFile]:
+    """A new tar file, closed at the end."""
+    with tarfile.open(path, "w", format=tarfile.GNU_FORMAT) as tar:
+        yield tar
+
+
+def add(tar: tarfile.TarFile, name: str, content: bytes) -> None:
+    """Add a file without owner and time."""
+    member = tarfile.TarInfo(name)
+    member.size = len(content)
+    tar.addfile(member, io.BytesIO(content))
+
+
+def samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
+    """Each sample of a shard: its `__key__`, and ending -> content. Files of a sample stand beside each other.
+
+    Raises InputError in one line for a file that is missing, cut off, or no tar.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: expected a WebDataset shard, got {'a folder' if path.is_dir() else 'no such file'}")
+    key, files = "", dict[str, bytes]()
+    for name, content in _members(path):
+        stem, _, ending = name.rpartition("/")[2].partition(".")
+        if stem != key and files:
+            yield key, files
+            files = {}
+        key = stem
+        if not ending or ending in files:
+            raise InputError(f"{path}: expected files KEY.ENDING, each once, got {name!r:.80}")
+        files[ending] = content
+    if files:
+        yield key, files
+
+
+def _members(path: Path) -> Iterator[tuple[str, bytes]]:
+    """Names and contents of regular files."""
+    try:
+        with path.open("rb") as file:
+            file.seek(-min(END, path.stat().st_size), io.SEEK_END)
+            if file.read() != bytes(END):  # cut off between two members, a tar reads like a shorter one
+                raise InputError(f"{path}: expected a WebDataset shard, got one that was cut off")
+        with tarfile.open(path, "r:") as tar:
+            for member in tar:
+                content = tar.extractfile(member) if member.isreg() else None
+                if content is None:
+                    raise InputError(f"{path}: expected files, got {member.name!r:.80}, which is none")
+                yield member.name, content.read()
+    except (tarfile.TarError, OSError, ValueError, EOFError) as error:
+        raise unreadable(path, "a WebDataset shard", error) from None
