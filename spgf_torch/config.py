@@ -17,6 +17,8 @@ from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 GRASP_TYPES = ("NPG", "WPG")
 CLASSES = ("containers", "boxes", "curved")
+# What local shape can be described by (features/descriptors.py).
+DESCRIPTORS = ("spgf", "fpfh", "patch_pairs")
 # What a novel object's grasps can be ranked by (affordance/ranking.py).
 RANKINGS = ("paper", "log_odds", "log_odds_free", "calibrated")
 # The one of these that cross-validation inside the training folds chose, in each fold anew.
@@ -25,8 +27,25 @@ NESTED = "nested"
 T = TypeVar("T")
 
 
+# Characters of a line that says what is wrong.
+LONGEST_LINE = 1000
+
+
 class InputError(Exception):
-    """Something the user gave cannot be used: one line that names it, what was expected and what was got."""
+    """Something the user gave cannot be used: one line that names it, what was expected and what was got.
+
+    Names and values in it may come from a file: what would break the line or steer a terminal is written as `\\x1b`.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
+
+
+def one_line(words: str) -> str:
+    """`words` without line breaks and control characters, `LONGEST_LINE` characters at most."""
+    line = " ".join(words.split()) if not words.isprintable() else words
+    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+    return line if len(line) <= LONGEST_LINE else line[: LONGEST_LINE - 4] + " ..."
 
 
 def bounded(low: float, high: float) -> Any:
@@ -105,8 +124,10 @@ class SceneConfig:
 
 @dataclass
 class FeatureConfig:
-    """The Sliced Pineapple Grid Feature (paper, section 3.1)."""
+    """The Sliced Pineapple Grid Feature (paper, section 3.1), or a baseline in its place."""
 
+    # Older models do not say: theirs is SPGF.
+    descriptor: str = field(default="spgf", metadata={"choice": DESCRIPTORS})
     radius: float = bounded(0.001, 1.0)
     cells: int = bounded(4, 360)
     half_length: int = bounded(0, 180)
@@ -382,9 +403,14 @@ def root() -> Path:
 
 def find(path: str | Path) -> Path:
     """`path` as given if it exists (relative to the working folder), else below `root()`."""
-    given = Path(path).expanduser()
-    shipped = root() / given
-    return shipped if not given.exists() and shipped.exists() else given
+    try:
+        given = Path(path).expanduser()
+        shipped = root() / given
+        return shipped if not given.exists() and shipped.exists() else given
+    except (OSError, RuntimeError) as error:  # a name too long; ~somebody who is not known here
+        raise InputError(
+            f"{path}: expected a file or folder, got {getattr(error, 'strerror', None) or error}"
+        ) from None
 
 
 def settings(kind: type[T], **changes: Any) -> T:
@@ -395,9 +421,11 @@ def settings(kind: type[T], **changes: Any) -> T:
 def typed(kind: type[T], values: Any) -> T:
     """`values` (a mapping) as an instance of the dataclass `kind`.
 
-    Raises InputError in one line for a key that does not exist, a wrong type or a number out of range.
+    Raises InputError in one line for a key that does not exist, a wrong type or a number out of range, and for
+    `${...}`: Hydra has resolved the settings' own, and in a file read from elsewhere it would read the environment.
     """
     try:
+        _check_literal(values, "")
         merged = OmegaConf.merge(OmegaConf.structured(kind), OmegaConf.create(_plain(values)))
         result = OmegaConf.to_object(merged)
     except MissingMandatoryValue as error:
@@ -421,6 +449,14 @@ def _one_line(error: OmegaConfBaseException) -> str:
     message = str(error.msg or error).splitlines()[0].strip()
     key = getattr(error, "full_key", None)
     return f"{key}: {message}" if key and str(key) not in message else message
+
+
+def _check_literal(value: Any, name: str) -> None:
+    if isinstance(value, str) and "${" in value:
+        raise InputError(f"{name}: expected a plain value, got {value}")
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
+    for key, part in parts:
+        _check_literal(part, f"{name}.{key}" if name else str(key))
 
 
 def _check(config: Any, prefix: str) -> None:

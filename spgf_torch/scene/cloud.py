@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from spgf_torch.config import InputError
+from spgf_torch.geometry.principal import principal_axes
 
 # Normals of a file may be rounded; longer or shorter by more, the columns are something else, such as colours.
 _LENGTH_TOLERANCE = 0.1
@@ -41,17 +42,6 @@ class Cloud:
         """Points and viewpoints times `factor`."""
         viewpoints = None if self.viewpoints is None else self.viewpoints * factor
         return replace(self, points=self.points * factor, viewpoints=viewpoints)
-
-
-def existing(path: Path) -> Path:
-    """`path`, if it is a file that holds something; InputError otherwise."""
-    if path.is_dir():
-        raise InputError(f"{path}: expected a file, got a folder")
-    if not path.is_file():
-        raise InputError(f"{path}: expected a file, got nothing there")
-    if not path.stat().st_size:
-        raise InputError(f"{path}: expected data, got an empty file")
-    return path
 
 
 def check_count(path: Path, count: int, limit: int) -> None:
@@ -106,7 +96,8 @@ def _unit(name: str, normals: np.ndarray) -> np.ndarray:
 
 
 def voxel_means(cloud: Cloud, voxel: float) -> Cloud:
-    """One point a cell of a cubic grid: the mean of those in it, in order of their first.
+    """One point a cell of a cubic grid along the cloud's principal axes: the mean of those in it, in order of their
+    first. A turned and moved cloud falls into the same cells.
 
     With normals, points whose normals' longest components differ in axis or sign stay apart: the sides of a thin wall
     that fall into one cell are not averaged.
@@ -114,12 +105,15 @@ def voxel_means(cloud: Cloud, voxel: float) -> Cloud:
     Args:
         voxel: side of a cell, m.
     """
-    cell = np.floor((cloud.points - cloud.points.min(axis=0)) / voxel).astype(np.int64)
+    axes = principal_axes(cloud.points)
+    along = cloud.points @ axes.T
+    cell = np.floor((along - along.min(axis=0)) / voxel).astype(np.int64)
     size = cell.max(axis=0) + 1
     key = (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]
     if cloud.normals is not None:
-        axis = np.abs(cloud.normals).argmax(axis=1)
-        key = key * 6 + axis * 2 + (cloud.normals[np.arange(len(axis)), axis] > 0)
+        facing = cloud.normals @ axes.T
+        axis = np.abs(facing).argmax(axis=1)
+        key = key * 6 + axis * 2 + (facing[np.arange(len(axis)), axis] > 0)
     _, first, home = np.unique(key, return_index=True, return_inverse=True)
     rank = np.empty(len(first), np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
@@ -141,7 +135,7 @@ def vectors(name: str, values: object, shape: Sequence[int | None]) -> np.ndarra
     words = " x ".join("any number" if n is None else str(n) for n in shape)
     try:
         array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name}: expected {words} numbers, got {values!r}") from None
     fits = array.ndim == len(shape) and all(n is None or n == m for n, m in zip(shape, array.shape, strict=True))
     if not fits or not np.isfinite(array).all():

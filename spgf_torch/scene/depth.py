@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import json
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from PIL import Image
 
 from spgf_torch.config import InputError, SensingConfig
 from spgf_torch.objects.scans import METRES
-from spgf_torch.scene.cloud import Cloud, existing
+from spgf_torch.reading import existing, json_values, npy_array, text, unreadable, yaml_values
+from spgf_torch.scene.cloud import Cloud
 from spgf_torch.sensing.cameras import Camera
 from spgf_torch.sensing.planes import surface_points
 
@@ -22,32 +22,37 @@ from spgf_torch.sensing.planes import surface_points
 _SATURATED = 65535
 # A principal point further from the middle, as a share of the image, belongs to an image of another size.
 _OFF_CENTRE = 0.2
+# Formats of a mask; pillow reads others, such as PostScript, by running programs.
+_MASKS = ("PNG", "JPEG", "BMP", "TIFF", "PPM")
 # Of a rotation matrix that was written with few digits.
 _RIGID = 1e-3
 
 
-def read_depth(path: Path, scale: float, unit: str) -> np.ndarray:
+def read_depth(path: Path, scale: float, unit: str, limit: int) -> np.ndarray:
     """(H, W) float64 depth image in m; 0, negative or not finite: no return.
 
     Args:
         path: a .png of 16 bits and one channel (65535 counts as no return), or a .npy of shape (H, W).
         scale: m per count of a .png.
         unit: of a .npy, m or mm.
+        limit: pixels at most.
 
     Raises:
         InputError: another format, size or number of bits, a damaged file, no pixel with a return.
     """
     existing(path)
     if path.suffix.lower() == ".png":
-        counts = _image(path)
+        counts = _image(path, limit, ("PNG",))
         if counts.ndim != 2 or counts.dtype.itemsize < 2:
             bits, channels = 8 * counts.dtype.itemsize, counts.shape[2] if counts.ndim == 3 else 1
             raise InputError(f"{path}: expected 16 bits and one channel, got {bits} bits and {channels} channels")
         depth = np.where(counts == _SATURATED, 0.0, counts * scale)
     elif path.suffix.lower() == ".npy":
-        depth = _numbers(path) * METRES[unit]
-        if depth.ndim != 2:
-            raise InputError(f"{path}: expected a depth image (H, W), got shape {depth.shape}")
+        numbers = _numbers(path)
+        if numbers.ndim != 2:
+            raise InputError(f"{path}: expected a depth image (H, W), got shape {numbers.shape}")
+        _check_pixels(path, numbers.shape, limit)
+        depth = numbers * METRES[unit]
     else:
         raise InputError(f"{path}: expected a depth image (.png, .npy), since intrinsics are given; got {path.suffix}")
     if not (np.isfinite(depth) & (depth > 0)).any():
@@ -65,10 +70,12 @@ def check_depth(depth: np.ndarray, name: str, low: float, high: float) -> None:
         )
 
 
-def read_mask(path: Path) -> np.ndarray:
-    """(H, W) bool: which pixels of a mask image (any kind, or .npy) are not 0."""
-    existing(path)
-    pixels = _numbers(path) if path.suffix.lower() == ".npy" else _image(path)
+def read_mask(path: Path, limit: int) -> np.ndarray:
+    """(H, W) bool: which pixels of a mask (.npy, PNG, JPEG, BMP, TIFF, PPM), at most `limit` of them, are not 0."""
+    pixels = _numbers(path) if path.suffix.lower() == ".npy" else _image(path, limit, _MASKS)
+    if pixels.ndim not in (2, 3) or not pixels.size:
+        raise InputError(f"{path}: expected a mask (H, W), got shape {pixels.shape}")
+    _check_pixels(path, pixels.shape, limit)
     return np.any(np.atleast_3d(pixels)[..., :3] != 0, axis=-1)
 
 
@@ -89,7 +96,7 @@ def read_intrinsics(path: Path) -> tuple[np.ndarray, tuple[int, int] | None]:
         size = (width, height) if isinstance(width, int) and isinstance(height, int) else None
         values = _matrix_of(path, values)
     K = _array(path, values)
-    if K.size != 9:
+    if K.size != 9 or K.ndim > 2:
         raise InputError(f"{path}: expected K with 3 x 3 numbers, got shape {K.shape}")
     K = K.reshape(3, 3)
     if not np.isfinite(K).all():
@@ -120,7 +127,7 @@ def read_poses(paths: Sequence[Path]) -> np.ndarray:
                 raise InputError(f"{path}: expected a key T_input_camera, got {', '.join(map(str, values))}")
             values = values["T_input_camera"]
         array = _array(path, values)
-        if array.size == 0 or array.shape[-1] != 4 or array.size % 16:
+        if array.ndim < 2 or array.size == 0 or array.shape[-1] != 4 or array.size % 16:
             raise InputError(f"{path}: expected camera poses of 4 x 4 numbers, got shape {array.shape}")
         for T in array.reshape(-1, 4, 4):
             turn = T[:3, :3]
@@ -185,40 +192,47 @@ def surface(depth: np.ndarray, camera: Camera, sensing: SensingConfig, name: str
     return Cloud(points @ rotation.T + translation, normals @ rotation.T, translation[None], name)
 
 
-def _image(path: Path) -> np.ndarray:
+def _image(path: Path, limit: int, formats: Sequence[str]) -> np.ndarray:
+    """The pixels of an image, whose size is looked at first; other formats, some of which are programs, stay closed."""
     try:
-        with Image.open(path) as image:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            image = Image.open(existing(path), formats=formats)
+        with image:
+            _check_pixels(path, (image.height, image.width), limit)
             return np.asarray(image)
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{path}: expected a whole image, got a damaged one ({error})") from error
+    except InputError:
+        raise
+    except Exception as error:  # each format's reader raises its own kinds for a damaged file
+        raise unreadable(path, "a whole image", error, "a damaged one") from None
+
+
+def _check_pixels(path: Path, shape: tuple[int, ...], limit: int) -> None:
+    if shape[0] * shape[1] > limit:
+        raise InputError(f"{path}: expected at most {limit} pixels (max_points), got {shape[1]} x {shape[0]}")
 
 
 def _numbers(path: Path) -> np.ndarray:
-    try:
-        array = np.load(path, allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
-        raise InputError(f"{path}: expected a whole .npy file of numbers, got a damaged one ({error})") from error
-    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiub":
-        raise InputError(f"{path}: expected an array of numbers, got {getattr(array, 'dtype', 'an archive')}")
+    array = npy_array(path)
+    if array.dtype.kind not in "fiub":
+        raise InputError(f"{path}: expected an array of numbers, got {array.dtype}")
     return array
 
 
 def _structured(path: Path) -> Any:
     """What a .json, .yaml, .npy or text file of numbers holds."""
-    existing(path)
-    if path.suffix.lower() == ".npy":
+    what, suffix = "numbers as text, JSON, YAML or .npy", path.suffix.lower()
+    if suffix == ".npy":
         return _numbers(path)
+    if suffix == ".json":
+        return json_values(path, what)
+    if suffix in (".yaml", ".yml"):
+        return yaml_values(path, what)
+    rows = [line.split("#")[0].replace(",", " ").split() for line in text(path, what).splitlines()]
     try:
-        content = path.read_text(encoding="utf-8")
-        if path.suffix.lower() == ".json":
-            return json.loads(content)
-        if path.suffix.lower() in (".yaml", ".yml"):
-            return yaml.safe_load(content)
-        rows = [line.split("#")[0].replace(",", " ").split() for line in content.splitlines()]
         return [[float(word) for word in row] for row in rows if row]
-    except (ValueError, yaml.YAMLError) as error:  # a word that is no number, JSON, or not text at all
-        reason = " ".join(str(error).split())[:120]
-        raise InputError(f"{path}: expected numbers as text, JSON, YAML or .npy, got {reason}") from None
+    except ValueError as error:
+        raise unreadable(path, what, error) from None
 
 
 def _matrix_of(path: Path, values: dict[str, Any]) -> Any:
@@ -238,5 +252,5 @@ def _matrix_of(path: Path, values: dict[str, Any]) -> Any:
 def _array(path: Path, values: Any) -> np.ndarray:
     try:
         return np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{path}: expected a matrix of numbers, got {str(values)[:80]}") from None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import warnings
-import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -12,7 +11,8 @@ import numpy as np
 from trimesh.exchange.ply import load_ply
 
 from spgf_torch.config import InputError
-from spgf_torch.scene.cloud import Cloud, check_count, checked, existing
+from spgf_torch.reading import existing, npy_array, npz_arrays, reason
+from spgf_torch.scene.cloud import Cloud, check_count, checked
 from spgf_torch.scene.pcd import read_pcd
 
 TEXT = (".xyz", ".xyzn", ".txt", ".csv", ".asc")
@@ -63,7 +63,7 @@ def _ply_header(path: Path) -> str:
 
 
 def _declared(header: str, element: str) -> int:
-    match = re.search(rf"^element {element} (\d+)\s*$", header, re.MULTILINE)
+    match = re.search(rf"^element {element} (\d{{1,18}})\s*$", header, re.MULTILINE)  # more digits are no count
     return int(match[1]) if match else 0
 
 
@@ -79,7 +79,7 @@ def _ply(path: Path, limit: int) -> Cloud:
         normals = np.asarray(loaded["vertex_normals"], dtype=np.float64) if with_normals else None
     except Exception as error:  # trimesh raises many kinds for a damaged file
         raise InputError(
-            f"{path}: expected a whole .ply point cloud, got a damaged or cut file ({_short(error)})"
+            f"{path}: expected a whole .ply point cloud, got a damaged or cut file ({reason(error)})"
         ) from error
     if len(points) != count:
         raise InputError(f"{path}: expected {count} points as its header says, got {len(points)}: the file is cut")
@@ -102,7 +102,7 @@ def _text(path: Path, limit: int) -> Cloud:
                 encoding="utf-8-sig",
             )
     except ValueError as error:  # a word that is no number, rows of different length, not text
-        raise InputError(f"{path}: expected rows of numbers x y z [nx ny nz], got {_short(error)}") from None
+        raise InputError(f"{path}: expected rows of numbers x y z [nx ny nz], got {reason(error)}") from None
     if table.size:
         table = _columns(path, table, names)
     check_count(path, len(table), limit)
@@ -142,19 +142,10 @@ def _columns(path: Path, table: np.ndarray, names: list[str]) -> np.ndarray:
 
 
 def _numpy(path: Path, limit: int) -> Cloud:
-    try:
-        if path.suffix.lower() == ".npy":
-            # Mapped, an array of any size can be measured before it is read.
-            arrays = {"points": np.lib.format.open_memmap(path, mode="r")}
-        else:
-            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as loaded:
-                arrays = {name: loaded[name] for name in loaded.files}
-    except (ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(
-            f"{path}: expected a whole numpy file of numbers, got a damaged one ({_short(error)})"
-        ) from error
-    if "points" not in arrays:
-        raise InputError(f"{path}: expected an array named points, got {', '.join(arrays) or 'none'}")
+    if path.suffix.lower() == ".npy":
+        arrays = {"points": npy_array(path)}
+    else:
+        arrays = npz_arrays(path, ("points", "normals", "viewpoints"), 6 * limit)
     points = _array(path, "points", arrays["points"])
     organised = points.ndim == 3
     check_count(path, int(np.prod(points.shape[:-1])), limit)
@@ -181,7 +172,3 @@ def _array(path: Path, name: str, array: np.ndarray) -> np.ndarray:
         hint = "; a depth image? then give intrinsics" if array.ndim == 2 else ""
         raise InputError(f"{path}: {name}: expected shape (N, 3), (N, 6) or (H, W, 3), got {array.shape}{hint}")
     return array
-
-
-def _short(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}".splitlines()[0][:120]

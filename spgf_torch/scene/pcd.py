@@ -20,6 +20,7 @@ _TYPES = {
     (k, s): f"<{k.lower()}{s}" for k, sizes in (("F", (4, 8)), ("I", (1, 2, 4, 8)), ("U", (1, 2, 4, 8))) for s in sizes
 }
 _LONGEST_HEADER = 1 << 16  # bytes
+_LONGEST_NUMBER = 12  # digits; there are no more points than that
 _IDENTITY = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
@@ -131,7 +132,7 @@ def _words(path: Path, entries: dict[str, list[str]], key: str, count: int) -> l
 
 def _integers(path: Path, entries: dict[str, list[str]], key: str, count: int) -> list[int]:
     words = _words(path, entries, key, count)
-    if not all(word.isdecimal() for word in words):
+    if not all(word.isdecimal() and len(word) <= _LONGEST_NUMBER for word in words):
         raise InputError(f"{path}: {key}: expected whole numbers, got {' '.join(words)}")
     return [int(word) for word in words]
 

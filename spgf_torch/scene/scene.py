@@ -177,10 +177,10 @@ def read_views(paths: Sequence[Path], config: SceneConfig) -> list[tuple[np.ndar
         raise InputError(f"mask: expected one image a depth image ({count}), got {len(masks)}")
     views = []
     for i, (path, T) in enumerate(zip(paths, _poses(config, count), strict=True)):
-        depth = read_depth(path, config.depth_scale, config.unit)
+        depth = read_depth(path, config.depth_scale, config.unit, config.max_points)
         check_depth(depth, str(path), config.min_extent, config.max_extent)
         if masks:
-            keep = read_mask(masks[i])
+            keep = read_mask(masks[i], config.max_points)
             if keep.shape != depth.shape:
                 raise InputError(f"{masks[i]}: expected {depth.shape} pixels as {path} has, got {keep.shape}")
             depth = np.where(keep, depth, 0.0)

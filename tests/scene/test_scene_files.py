@@ -8,6 +8,7 @@ import pytest
 import trimesh
 
 from spgf_torch.config import InputError
+from spgf_torch.geometry.principal import principal_axes
 from spgf_torch.scene.cloud import Cloud, voxel_means
 from spgf_torch.scene.files import ply_faces, read_cloud
 
@@ -189,15 +190,26 @@ def test_voxel_means_equal_a_slow_loop(rng: np.random.Generator) -> None:
     points = rng.random((500, 3)) * 0.02
     normals = rng.normal(size=(500, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    axes = principal_axes(points)
+    along, facing = points @ axes.T, normals @ axes.T
     cells: dict[tuple, list[int]] = {}
-    for i, (point, normal) in enumerate(zip(points, normals, strict=True)):
+    for i, (point, normal) in enumerate(zip(along, facing, strict=True)):
         axis = int(np.abs(normal).argmax())
-        cells.setdefault((*((point - points.min(axis=0)) // 0.004), axis, normal[axis] > 0), []).append(i)
+        cells.setdefault((*((point - along.min(axis=0)) // 0.004), axis, normal[axis] > 0), []).append(i)
     thinned = voxel_means(Cloud(points, normals), 0.004)
     assert 100 < len(cells) < 500
     np.testing.assert_allclose(thinned.points, [points[each].mean(axis=0) for each in cells.values()])
     means = np.array([normals[each].mean(axis=0) for each in cells.values()])
     np.testing.assert_allclose(thinned.normals, means / np.linalg.norm(means, axis=1, keepdims=True))
+
+
+def test_voxel_means_turn_with_the_cloud(rng: np.random.Generator) -> None:
+    points = rng.random((500, 3)) ** 2 * [0.03, 0.02, 0.01]
+    R = np.array([[0.6, -0.8, 0], [0, 0, -1], [0.8, 0.6, 0]])
+    means = voxel_means(Cloud(points), 0.004).points
+    moved = voxel_means(Cloud(points @ R.T + [1, -2, 3]), 0.004).points
+    assert 50 < len(means) < 400
+    np.testing.assert_allclose(moved, means @ R.T + [1, -2, 3], atol=1e-9)
 
 
 def test_voxels_keep_both_sides_of_a_sheet() -> None:
