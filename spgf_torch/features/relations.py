@@ -11,15 +11,20 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+# m; a step in the plane this short has no direction: below it is the rounding of float32 coordinates.
+NOWHERE = 1e-7
 
-def reference_frames(normals: Tensor) -> Tensor:
+
+def reference_frames(normals: Tensor, towards: Tensor) -> Tensor:
     """Frames (N, 3, 3) whose columns are R_x, R_y = n x R_x and the normal n, from unit normals (N, 3).
 
-    R_x is arbitrary in the plane (section 3.1.1); here it is the coordinate axis farthest from the normal,
-    made orthogonal to it.
+    R_x is arbitrary in the plane (section 3.1.1); here it points along `towards` (N, 3), any length. Where that has
+    no direction in the plane, R_x is the coordinate axis farthest from the normal, made orthogonal to it.
     """
     farthest = torch.nn.functional.one_hot(normals.abs().argmin(dim=1), 3).to(normals.dtype)
-    R_y = torch.nn.functional.normalize(torch.linalg.cross(normals, farthest), dim=1)
+    across = torch.linalg.cross(normals, towards)
+    R_y = torch.where(_length(across.T)[:, None] > NOWHERE, across, torch.linalg.cross(normals, farthest))
+    R_y = torch.nn.functional.normalize(R_y, dim=1)
     return torch.stack([torch.linalg.cross(R_y, normals), R_y, normals], dim=2)
 
 

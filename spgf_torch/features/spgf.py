@@ -58,7 +58,22 @@ def spgf(
     Raises InputError for other shapes or types, NaN or infinite values, normals that are not unit vectors.
     """
     _check(positions, normals, config, generator)
-    return describe(positions, reference_frames(normals), config, generator)
+    frames = reference_frames(normals, to_neighbours(positions, config.radius))
+    return describe(positions, frames, config, generator)
+
+
+def to_neighbours(positions: Tensor, radius: float) -> Tensor:
+    """(N, 3) from each texlet to the mean of its neighbours, m; 0 where it has none.
+
+    The reference axis R_x points there: the paper lets it be arbitrary, and so it turns with the object.
+    """
+    total = positions.new_zeros((4, len(positions)))
+    columns = torch.cat([positions, torch.ones_like(positions[:, :1])], dim=1).T
+    for i, j in half_pairs(positions, radius):
+        for sums, column in zip(total, columns, strict=True):
+            sums.scatter_add_(0, i, column[j])
+            sums.scatter_add_(0, j, column[i])
+    return (total[:3] / total[3].clamp(min=1)).T - positions * (total[3] > 0)[:, None]
 
 
 def describe(

@@ -42,7 +42,7 @@ def test_on_a_sphere_both_angles_follow_from_the_chord():
     R = 0.05
     n = unit(torch.randn((200, 3), generator=torch.Generator().manual_seed(0), dtype=torch.float64), dim=1)
     centre, others = n[:1].expand(199, 3), n[1:]
-    frames = reference_frames(centre).permute(2, 1, 0)
+    frames = reference_frames(centre, others).permute(2, 1, 0)
     local = in_frame(frames, R * (others - centre).T)
     half = torch.asin((others - centre).norm(dim=1) / 2)
     assert torch.allclose(alpha1(local), half, atol=1e-9)
@@ -52,7 +52,13 @@ def test_on_a_sphere_both_angles_follow_from_the_chord():
 
 def test_reference_frames_are_right_handed_with_the_normal_last():
     n = torch.cat([torch.eye(3), -torch.eye(3), torch.randn((50, 3), generator=torch.Generator().manual_seed(0))])
-    frames = reference_frames(unit(n.double(), dim=1))
+    towards = torch.randn((56, 3), generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    towards[::5] = n.double()[::5]  # no direction in the plane
+    frames = reference_frames(unit(n.double(), dim=1), towards)
+    aligned = (frames[:, :, 0] * towards).sum(dim=1) / (
+        towards - (towards * frames[:, :, 2]).sum(1, True) * frames[:, :, 2]
+    ).norm(dim=1)
+    assert torch.allclose(aligned[1:5], torch.ones(4, dtype=torch.float64))
     identity = torch.eye(3, dtype=torch.float64).expand_as(frames)
     assert torch.allclose(frames.mT @ frames, identity, atol=1e-12)
     assert torch.allclose(torch.linalg.det(frames), torch.ones(56, dtype=torch.float64))
@@ -60,7 +66,7 @@ def test_reference_frames_are_right_handed_with_the_normal_last():
 
 
 def test_turning_the_frame_lowers_alpha3_by_the_angle():
-    frame, angle = reference_frames(torch.tensor([[0.0, 0.6, 0.8]])), torch.tensor([0.4])
+    frame, angle = reference_frames(torch.tensor([[0.0, 0.6, 0.8]]), torch.zeros(1, 3)), torch.tensor([0.4])
     d = frame[0] @ torch.tensor([[math.cos(1.0)], [math.sin(1.0)], [0.3]])
     local = in_frame(turned(frame, angle).permute(2, 1, 0), d)
     assert alpha3(local).item() == pytest.approx(0.6, abs=1e-6)

@@ -10,7 +10,7 @@ import torch
 from spgf_torch.config import FeatureConfig, InputError, settings
 from spgf_torch.features import spgf as spgf_module
 from spgf_torch.features.relations import reference_frames, turned
-from spgf_torch.features.spgf import describe, spgf
+from spgf_torch.features.spgf import describe, spgf, to_neighbours
 from spgf_torch.geometry import neighbours, se3
 
 RIGHT = math.pi / 2
@@ -61,7 +61,7 @@ def change(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
 def test_equals_the_loop_reference(N, half_length, cells):
     """Sparse clouds have gaps and ties in nearly every ring, dense ones in none."""
     X, n = random_cloud(N)
-    frames = reference_frames(n)
+    frames = reference_frames(n, to_neighbours(X, ARGMAX.radius))
     expected_rings, expected_T, expected_valid = spgf_reference.spgf(
         X.numpy(), n.numpy(), frames.numpy(), N, cells=cells, half_length=half_length
     )
@@ -74,7 +74,7 @@ def test_equals_the_loop_reference(N, half_length, cells):
 
 def test_equals_the_loop_reference_on_a_shape_with_walls_and_rims():
     X, n = box_surface(500)
-    frames = reference_frames(n)
+    frames = reference_frames(n, to_neighbours(X, ARGMAX.radius))
     rings, T, _ = spgf_reference.spgf(X.numpy(), n.numpy(), frames.numpy(), 60)
     features = spgf(X, n, ARGMAX)
     assert np.allclose(features.rings[:60].numpy(), rings, atol=1e-6)
@@ -192,9 +192,8 @@ def test_turning_everything_with_its_frames_changes_nothing_but_the_pose():
     X, n = box_surface()
     T = se3.random_poses(1, generator(5)).double()[0]
     T = se3.pose(se3.position_of(T), se3.quaternion_of(T))  # orthonormal in float64
-    frames = reference_frames(n)
-    before = describe(X, frames, ARGMAX)
-    after = describe(se3.transform_points(T, X), se3.rotation_of(T) @ frames, ARGMAX)
+    before = spgf(X, n, ARGMAX)
+    after = spgf(se3.transform_points(T, X), n @ se3.rotation_of(T).mT, ARGMAX)
     same = (after.rings - before.rings).abs().amax(dim=(1, 2, 3)) < 1e-6
     assert same.float().mean() > 0.998  # a neighbour on a cell's border may change cells
     moved = T @ before.T_object_feature
@@ -205,7 +204,7 @@ def test_the_tie_rule_does_not_depend_on_the_reference_direction():
     """R_x turned by whole cells leaves the cells' contents alone, so rings and poses must be the same, also where
     gaps tie: the sparse cloud has a gap in nearly every top ring."""
     for X, n in (box_surface(700), random_cloud(40)):
-        frames = reference_frames(n)
+        frames = reference_frames(n, to_neighbours(X, ARGMAX.radius))
         before = describe(X, frames, ARGMAX)
         assert (before.rings[:, 0, :, 1] == RIGHT).any(dim=1).float().mean() > 0.1
         for cells in (1, 7, 18, 35):
@@ -220,7 +219,7 @@ def test_soft_alignment_hardly_depends_on_the_reference_direction():
     """Any R_x: half of the features change by less than 1.5 deg and nine in ten by less than 3.5 (measured 1.0
     and 2.5, of 20 that two features differ by); the argmax on fixed cells changes more (2.7 and 8.7)."""
     X, n = box_surface()
-    frames = reference_frames(n)
+    frames = reference_frames(n, to_neighbours(X, ARGMAX.radius))
     angle = 2 * math.pi * torch.rand(len(X), generator=generator(9), dtype=torch.float64)
     soft = change(describe(X, turned(frames, angle), SOFT), describe(X, frames, SOFT))
     hard = change(describe(X, turned(frames, angle), ARGMAX), describe(X, frames, ARGMAX))
@@ -322,3 +321,14 @@ def test_random_alignment_turns_rings_and_pose_together():
     assert len(turn.unique()) == 36
     for row in range(300):
         assert torch.equal(first.rings[row], aligned.rings[row].roll(-int(turn[row]), dims=1))
+
+
+def test_the_reference_axis_points_to_the_mean_of_the_neighbours():
+    """Neighbours of the origin at x = 1 and 3 cm and y = 1 cm, their mean at (4/3, 1/3); one texlet is alone."""
+    X = torch.tensor([[0, 0, 0], [0.01, 0, 0], [0.03, 0, 0], [0, 0.01, 0], [1, 1, 1]], dtype=torch.float64)
+    towards = to_neighbours(X, 0.03)
+    assert torch.allclose(towards[0], torch.tensor([0.04 / 3, 0.01 / 3, 0], dtype=torch.float64))
+    assert torch.equal(towards[4], torch.zeros(3, dtype=torch.float64))
+    R_x = reference_frames(torch.tensor([[0.0, 0, 1]] * 5, dtype=torch.float64), towards)[:, :, 0]
+    assert torch.allclose(R_x[0], torch.tensor([4.0, 1, 0], dtype=torch.float64) / math.sqrt(17))
+    assert torch.allclose(R_x[4].abs(), torch.tensor([1.0, 0, 0], dtype=torch.float64))
