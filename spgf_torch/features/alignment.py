@@ -6,8 +6,8 @@ within TIE of the maximum,
 1. the centre of the widest run of them wins (of an even run the first of its two middle cells);
 2. among equally wide runs, the one after which the rings are highest, both angles of both layers weighted with
    exp(-angle) by the angle from the start: a smooth form of comparing the rings cell by cell from the start on.
-Both look at nothing but the rings' content going round, so the choice turns with the object and does not
-depend on R_x. What is left undecided are rings that repeat themselves, which start equally well at each repeat.
+Both look at nothing but the rings' content going round, so the choice does not depend on R_x. Rings that repeat
+themselves start equally well at each repeat: of these the first from R_x on, which turns with the object, wins.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ def widest_run(tied: Tensor, content: Tensor) -> Tensor:
     widest = length.amax(dim=1, keepdim=True)
     to_centre = (widest - 1) // 2
     at_centre = content.gather(1, (torch.arange(cells, device=tied.device) + to_centre) % cells)
-    first = at_centre.masked_fill(length < widest, -math.inf).argmax(dim=1, keepdim=True)
+    at_centre = at_centre.masked_fill(length < widest, -math.inf)
+    first = (at_centre >= at_centre.amax(dim=1, keepdim=True) - TIE).int().argmax(dim=1, keepdim=True)
     return ((first + to_centre) % cells).squeeze(1)
 
 

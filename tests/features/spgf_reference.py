@@ -80,7 +80,8 @@ def start_cell(rings):
                 length += 1
             runs.append((length, (cell + (length - 1) // 2) % cells))
     widest = max(length for length, _ in runs)
-    return max((centre for length, centre in runs if length == widest), key=lambda c: content_after(rings, c))
+    content = {centre: content_after(rings, centre) for length, centre in runs if length == widest}
+    return next(centre for centre, value in content.items() if value >= max(content.values()) - TIE)
 
 
 def content_after(rings, start):
