@@ -23,7 +23,7 @@ from spgf_torch.config import HandConfig, ProposingConfig, SceneConfig, SensingC
 from spgf_torch.exporting.records import Grasp, Gripper, grippers_of, make_grasp
 from spgf_torch.proposing.clearance import Plane
 from spgf_torch.proposing.propose import Proposals, Proposer
-from spgf_torch.reporting.learned import rings_deg
+from spgf_torch.reporting.learned import descriptor_of, rings_deg
 from spgf_torch.reporting.names import prototype_names
 from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.scene import texlets_of
@@ -73,7 +73,9 @@ class Predictor:
 
     @cached_property
     def names(self) -> list[str]:
-        """A word for each prototype: `rim 7`."""
+        """A word for each prototype: `rim 7`, or `fpfh 7` of a descriptor without rings."""
+        if (descriptor := descriptor_of(self.model)) != "spgf":
+            return [f"{descriptor} {k}" for k in range(len(self.model.centres))]
         return prototype_names(rings_deg(self.model))
 
     def texlets(

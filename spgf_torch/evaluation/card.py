@@ -14,6 +14,12 @@ Rank candidate two-finger grasps of this hand on household-sized rigid objects t
 `python -m spgf_torch.evaluate objects=FOLDER model=THIS_FOLDER`. A novel object's local shapes vote through the
 prototypes learned here; each vote carries a probability and the number of trials near it."""
 
+DESCRIPTORS = {
+    "spgf": "Sliced Pineapple Grid Features",
+    "fpfh": "Fast Point Feature Histograms",
+    "patch_pairs": "pairs of surface patches",
+}
+
 LIMITS = """\
 - Success means held in simulation (SAPIEN): rigid bodies, one friction value, no table, no arm, no contact sensing.
 - Learned with this hand, this opening and closing and these cameras; another hand needs trials of its own.
@@ -44,8 +50,8 @@ Written by `python -m spgf_torch.train` from the run beside it; every setting is
 {config.seed}.
 
 ## Settings
-{config.K} prototypes of Sliced Pineapple Grid Features of {1000 * config.features.radius:g} mm radius; shape-grasp
-particles within {1000 * affordance.reach:g} mm, neighbourhoods of {1000 * affordance.kernel:g} mm and
+{config.K} prototypes of {DESCRIPTORS[config.features.descriptor]} of {1000 * config.features.radius:g} mm radius;
+shape-grasp particles within {1000 * affordance.reach:g} mm, neighbourhoods of {1000 * affordance.kernel:g} mm and
 {affordance.kernel_deg:g} deg, points with a support of at least {affordance.min_support:g}. The model file has
 {size / 1e6:.0f} MB.
 

@@ -19,7 +19,8 @@ from spgf_torch.affordance.pairs import CellPairs, cell_pairs
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
 from spgf_torch.cache import Cache, fingerprint, program
 from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, SensingConfig
-from spgf_torch.features.spgf import Features, spgf
+from spgf_torch.features.descriptors import descriptor, library
+from spgf_torch.features.interface import VectorFeatures
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
 from spgf_torch.sensing.sense import sense
@@ -52,7 +53,7 @@ class Described:
     """One object as the learner sees it.
 
     Attributes:
-        relations (F, 4 N_g) f32: the relational part of its features.
+        relations (F, D) f32: the relational part of its features.
         pairs: its features' pairs with the grasps.
         collides (G,) bool: a sensed point lies inside the open hand.
     """
@@ -128,7 +129,8 @@ class Steps:
         surface = (obj.name, obj.mesh.vertices, obj.mesh.faces)
         device, seed, tried = torch.device(settings.device).type, settings.seed, fingerprint(grasps)
         texlets = _key(sense, surface, settings.sensing, seed)
-        features = _key(spgf, texlets, settings.features, seed, device)
+        describes, needs = descriptor(settings.features), library(settings.features)
+        features = _key(describes, texlets, settings.features, needs, seed, device)
         self.keys = {
             "texlets": texlets,
             "features": features,
@@ -144,17 +146,19 @@ class Steps:
         )
 
     @once
-    def features(self) -> Features:
+    def features(self) -> VectorFeatures:
         """The features of the texlets that have a neighbour."""
 
         def make() -> dict[str, Tensor]:
             device = self.settings.device
             positions, normals = self.texlets.positions.to(device), self.texlets.normals.to(device)
-            found = spgf(positions, normals, self.settings.features, self.generator(0))
-            return {"T": found.T_object_feature[found.valid], "rings": found.rings[found.valid]}
+            describe = descriptor(self.settings.features)
+            found = describe(positions, normals, self.settings.features, self.generator(0))
+            return {"T": found.T_object_feature[found.valid], "relations": found.relations()[found.valid]}
 
         kept = self._kept("features", make)
-        return Features(kept["T"], kept["rings"], torch.ones(len(kept["T"]), dtype=torch.bool, device=kept["T"].device))
+        valid = torch.ones(len(kept["T"]), dtype=torch.bool, device=kept["T"].device)
+        return VectorFeatures(kept["T"], kept["relations"], valid)
 
     @once
     def pairs(self) -> CellPairs:

@@ -27,7 +27,8 @@ from spgf_torch.affordance.ranking import Judged, judge
 from spgf_torch.affordance.sensed_collision import HandVolume
 from spgf_torch.affordance.voting import Votes, VotingIndex
 from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, ProposingConfig, typed
-from spgf_torch.features.spgf import Features, spgf
+from spgf_torch.features.descriptors import descriptor
+from spgf_torch.features.interface import LocalFeatures
 from spgf_torch.geometry import se3
 from spgf_torch.proposing.clearance import Clearance, Plane
 from spgf_torch.proposing.shortlist import Shortlist, shortlist
@@ -142,10 +143,10 @@ class Proposer:
         """
         device = self.model.centres.device
         positions, normals = texlets.positions.to(device), texlets.normals.to(device)
-        features = spgf(positions, normals, self.features, torch.Generator().manual_seed(0))
+        features = descriptor(self.features)(positions, normals, self.features, torch.Generator().manual_seed(0))
         return self.propose_from(features, positions, plane)
 
-    def propose_from(self, features: Features, points: Tensor, plane: Plane | None = None) -> Proposals:
+    def propose_from(self, features: LocalFeatures, points: Tensor, plane: Plane | None = None) -> Proposals:
         """The same from features of the points (N, 3) that the hand must not touch."""
         voters = self.voters(features)
         pool = self.survivors(voters, points, plane)
@@ -153,7 +154,7 @@ class Proposer:
             pool = self.refined(pool, moves, voters, points, plane)
         return self.proposals(pool, voters)
 
-    def voters(self, features: Features) -> Voters:
+    def voters(self, features: LocalFeatures) -> Voters:
         """The features that vote."""
         T, relations = features.T_object_feature[features.valid], features.relations()[features.valid]
         order = spread_order(T, self.affordance.features_per_object, self.config.normal_weight)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from spgf_torch.affordance.model import GraspModel
-from spgf_torch.config import GRASP_TYPES
+from spgf_torch.config import GRASP_TYPES, InputError
 from spgf_torch.reporting.names import gaps
 from spgf_torch.reporting.predictions import rotations
 
@@ -57,8 +57,18 @@ class Grasps:
     points: int
 
 
+def descriptor_of(model: GraspModel) -> str:
+    """The descriptor that the model was learned with; older models do not say, theirs is SPGF."""
+    return str(model.settings.get("features", {}).get("descriptor", "spgf"))
+
+
 def rings_deg(model: GraspModel) -> np.ndarray:
-    """(K, 2, cells, 2) the model's prototypes: layer, cell, (alpha1, alpha2) in degrees."""
+    """(K, 2, cells, 2) the model's prototypes: layer, cell, (alpha1, alpha2) in degrees.
+
+    Raises InputError for a model of another descriptor than SPGF: its prototypes are no rings.
+    """
+    if (descriptor := descriptor_of(model)) != "spgf":
+        raise InputError(f"features.descriptor: expected spgf, whose prototypes are rings, got {descriptor}")
     centres = model.centres.cpu().double().numpy()
     return np.degrees(centres.reshape(len(centres), 2, -1, 2))
 

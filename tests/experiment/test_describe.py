@@ -13,6 +13,7 @@ from spgf_torch.cache import Cache
 from spgf_torch.config import AffordanceConfig, FeatureConfig, SensingConfig, settings
 from spgf_torch.experiment import describe as module
 from spgf_torch.experiment.describe import Described, Description, Grasps, Steps
+from spgf_torch.features.descriptors import descriptor
 from spgf_torch.geometry import se3
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
@@ -64,8 +65,9 @@ def test_a_cache_changes_no_bit(
     assert all(len(obj.pairs.feature) and obj.collides.any() and not obj.collides.all() for obj in without)
     cold = described(description(Cache(tmp_path)))
     assert "cache" not in capsys.readouterr().err
-    for step in ("sense", "spgf", "cell_pairs", "sensed_collision"):
+    for step in ("sense", "cell_pairs", "sensed_collision"):
         monkeypatch.setattr(module, step, forbidden(getattr(module, step)))
+    monkeypatch.setattr(module, "descriptor", lambda config: forbidden(descriptor(config)))
     warm = described(description(Cache(tmp_path)))
     assert same(without, cold) and same(without, warm)
     assert capsys.readouterr().err.count(", 2 from the cache") == 3
@@ -114,6 +116,7 @@ ALL = {"texlets", "features", "pairs", "collisions"}
         ({"seed": 1}, ALL),
         ({"sensing": settings(SensingConfig, cameras=3, width=160, height=120, focal=144)}, ALL),
         ({"features": settings(FeatureConfig, layers=1)}, {"features", "pairs"}),
+        ({"features": settings(FeatureConfig, descriptor="patch_pairs")}, {"features", "pairs"}),
         ({"affordance": settings(AffordanceConfig, features_per_object=30, reach=0.08)}, {"pairs"}),
         ({"affordance": settings(AffordanceConfig, features_per_object=30, kernel=0.01, min_support=9)}, set()),
         ({"volumes": {**VOLUME, "WPG": VOLUME["NPG"]}}, {"collisions"}),
