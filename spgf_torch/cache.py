@@ -12,6 +12,7 @@ import hashlib
 import os
 import time
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
@@ -47,11 +48,12 @@ class Cache:
     """Named tensors by key, in `folder`; None = nothing is kept.
 
     At most `gigabytes` (1e9 bytes) stay, give or take what is being written: the least recently used entries go
-    first. Threads and processes may share a folder.
+    first. Threads and processes may share a folder. `hits` counts the entries read so far, by kind.
     """
 
     def __init__(self, folder: Path | None, gigabytes: float = 8.0) -> None:
         self.folder, self.limit = folder, int(gigabytes * 1e9)
+        self.hits: Counter[str] = Counter()
         self._lock, self._written, self._size, self._warned = Lock(), 0, 0, False
 
     @staticmethod
@@ -74,6 +76,9 @@ class Cache:
         if found is None:
             found = dict(make())
             self._write(path, found)
+        else:
+            with self._lock:
+                self.hits[kind] += 1
         return found
 
     def holds(self, kind: str, key: str) -> bool:

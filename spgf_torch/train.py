@@ -27,6 +27,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.evaluation.novel import novel_objects
     from spgf_torch.evaluation.results import build_results
     from spgf_torch.evaluation.tables import calibration_line, chosen_line, results_table
+    from spgf_torch.experiment.costs import prediction_ms
     from spgf_torch.experiment.describe import Description
     from spgf_torch.experiment.experiment import Experiment
     from spgf_torch.experiment.space import Example
@@ -51,9 +52,10 @@ def run(config: TrainConfig, folder: Path) -> None:
     predicted, model = Experiment.of(config, design, examples, cache).run(stages)
 
     novel = novel_objects(objects, tried, predicted, design.fold)
-    results = build_results(novel, config, dataset_digest(objects, tried))
+    results = build_results(novel, config, dataset_digest(objects, tried)) | {"from_cache": dict(cache.hits)}
     if model is not None:
         size = save_model(model, folder)
+        results["costs"] = {"model_bytes": size, "prediction_ms": prediction_ms(model, describe, objects, tried)}
         trials = sum(len(t.success) for t in tried)
         write_text(folder / "README.md", model_card(results, config, len(objects), trials, size))
     write_per_object(folder / "per_object.csv", novel, config.N)
