@@ -1,4 +1,4 @@
-"""What a model costs: bytes, and the time of a prediction, measured on this machine while nothing else is asked of us."""
+"""What a model costs: its bytes, and the time of a prediction on this machine, measured where nothing is cached."""
 
 from __future__ import annotations
 
