@@ -1,0 +1,35 @@
+"""`python -m spgf_torch.export format=...`: a trial table as a data set in other people's formats."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from spgf_torch.cli import door
+from spgf_torch.config import find
+from spgf_torch.datasets.config import ExportConfig, wanted_formats
+from spgf_torch.progress import Stages, show
+
+
+def run(config: ExportConfig, folder: Path) -> None:
+    """Write the wanted formats into `out` (default: `dataset` in the run's folder), all of them or nothing."""
+    formats = wanted_formats(config.format)
+
+    from spgf_torch.datasets.folder import check_out, replacing
+    from spgf_torch.datasets.source import read_trial_set
+    from spgf_torch.datasets.write import files_table, rates_table, write_formats
+
+    out = Path(config.out).expanduser() if config.out else folder / "dataset"
+    check_out(out, config.overwrite, [find(config.trials), find(config.objects), Path.cwd()])
+    stages = Stages()
+    trials = read_trial_set(config, stages)
+    for note in trials.notes:
+        show(note)
+    with replacing(out) as part:
+        known = write_formats(part, trials, formats, config, stages)
+    show(rates_table(known))
+    show(files_table(out))
+    show(f"{', '.join(formats)} in {out}; what is where: {out / 'README.md'}")
+
+
+if __name__ == "__main__":
+    door("export", ExportConfig, run)
