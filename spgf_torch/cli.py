@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,11 +19,13 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from spgf_torch.config import InputError, plain, root, typed
+from spgf_torch.config import IncompleteError, InputError, plain, root, typed
 from spgf_torch.multirun import Multirun
 from spgf_torch.progress import console
 
 T = TypeVar("T")
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
@@ -29,12 +33,13 @@ def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
 
     `folder` is a fresh `outputs/<command>/<date-time>_<what varies>/`; `outputs/<command>/latest` points at it once
     `run` has returned. With -m there is one folder a job, and a summary at the end; what a job is refused does not
-    stop the others. Exit status: 0 done, 2 unusable input (one line, no folder left), 130 interrupted.
+    stop the others. Exit status: 0 done, 1 not done to the end (one line, what is finished is kept), 2 unusable input
+    (one line, no folder left), 130 interrupted.
     """
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # let errors reach us: Hydra's own report spans many lines
     OmegaConf.register_new_resolver("slug", slug, replace=True)
     sys.argv[1:] = sorted(map(with_paths_quoted, sys.argv[1:]), key=_is_override)  # argparse wants all together
-    refused: list[InputError] = []
+    refused: list[InputError | IncompleteError] = []
     multirun = Multirun.of(command)
 
     def task(composed: DictConfig) -> None:
@@ -43,30 +48,38 @@ def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
             return
         try:
             _in_run_folder(composed, kind, run)
-        except InputError as error:
+        except (InputError, IncompleteError) as error:
             refused.append(error)  # told below, without Hydra's extra line
 
     try:
         try:
             hydra_main(version_base="1.3", config_path=str(root() / "conf"), config_name=command)(task)()
         finally:
-            usable = multirun.summary()
+            status = multirun.summary()
         for error in refused:
             raise error
     except (InputError, HydraException, OmegaConfBaseException) as error:
         fail(command, error)
+    except IncompleteError as error:
+        print(f"{command}: {error}", file=sys.stderr)
+        sys.exit(1)
+    except BrokenPipeError:  # `... | head` has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        print(f"{command}: {error.filename or Path('outputs').absolute()}: {error.strerror}", file=sys.stderr)
+        sys.exit(1)
     except RuntimeError as error:
         if "srun" not in str(error):
             raise
         fail(command, error)  # submitit's own words where there is no Slurm
-    except BrokenPipeError:  # `... | head` has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)
     except KeyboardInterrupt:
         console.print(f"{command}: interrupted")
         sys.exit(130)
-    if not usable:
-        sys.exit(2)
+    if status:
+        sys.exit(status)
 
 
 def fail(command: str, error: Exception) -> None:
@@ -104,6 +117,10 @@ def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path],
         config = typed(kind, _without_missing_k(composed))
         (folder / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.create(plain(config))))
         run(config, folder)
+    except IncompleteError:
+        with suppress(OSError):  # the disk may be full
+            point_latest(folder)
+        raise
     except BaseException:
         if {path.name for path in folder.iterdir()} <= {"config.yaml"}:  # nothing done yet that would be lost
             shutil.rmtree(folder)

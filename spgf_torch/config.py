@@ -48,6 +48,13 @@ def one_line(words: str) -> str:
     return line if len(line) <= LONGEST_LINE else line[: LONGEST_LINE - 4] + " ..."
 
 
+class IncompleteError(Exception):
+    """Work that could not be done to its end, in one line as for `InputError`; what is finished is kept (status 1)."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
+
+
 def bounded(low: float, high: float) -> Any:
     """A required number within [low, high]."""
     return field(default=MISSING, metadata={"range": (low, high)})
@@ -327,6 +334,12 @@ class SimulateConfig(ObjectsConfig):
     candidates: int = bounded(1, 10_000_000)
     out: str | None = text()
     seed: int = bounded(0, 2**31 - 1)
+    chunk: int = bounded(1, 1_000_000)
+    time_limit: float = bounded(0.1, 86_400.0)
+    failed_as: str | None = text()
+    runner: str = choice("local", "dask")
+    address: str | None = text()
+    shard: str = text()
     sampler: SamplerConfig = field(default_factory=SamplerConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
 

@@ -17,7 +17,7 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 from rich.markup import escape
 
-from spgf_torch.config import InputError
+from spgf_torch.config import IncompleteError, InputError
 from spgf_torch.progress import console, show, take_turns
 
 
@@ -54,16 +54,19 @@ class Multirun:
         except InputError as error:
             note["refused"] = str(error)
             print(f"{self.command}: job {number}: {error}", file=sys.stderr)
+        except IncompleteError as error:
+            note["incomplete"] = str(error)
+            print(f"{self.command}: job {number}: {error}", file=sys.stderr)
         self.notes.mkdir(parents=True, exist_ok=True)
         (self.notes / f"{number}.json").write_text(json.dumps(note))
 
-    def summary(self) -> bool:
-        """Show a line a job: what sets it apart, its rate, its folder. Whether all had usable input."""
+    def summary(self) -> int:
+        """Show a line a job: what sets it apart, its rate, its folder. The exit status that they come to."""
         notes = [json.loads(path.read_text()) for path in self.notes.glob("*.json")]
         shutil.rmtree(self.notes, ignore_errors=True)
         for line in lines(sorted(notes, key=lambda note: note["job"])):
             show(escape(line))
-        return not any("refused" in note for note in notes)
+        return 2 if any("refused" in note for note in notes) else int(any("incomplete" in note for note in notes))
 
 
 def lines(notes: list[dict[str, Any]]) -> list[str]:
@@ -77,6 +80,8 @@ def lines(notes: list[dict[str, Any]]) -> list[str]:
 def _outcome(note: dict[str, Any]) -> str:
     if "refused" in note:
         return f"not run: {note['refused']}"
+    if "incomplete" in note:
+        return f"not done: {note['incomplete']}"
     results = Path(note["folder"]) / "results.json"
     content = json.loads(results.read_text()) if results.is_file() else {}
     rate = content.get("success_rate", {}).get("all", {}).get("CG")

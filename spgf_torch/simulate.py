@@ -2,58 +2,130 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from omegaconf import OmegaConf
+from rich.markup import escape
 
 from spgf_torch.cli import door
-from spgf_torch.config import InputError, SimulateConfig, plain
-from spgf_torch.progress import Stages, show
+from spgf_torch.config import IncompleteError, InputError, SimulateConfig, plain
+from spgf_torch.progress import Stages, console, show
+
+if TYPE_CHECKING:
+    from spgf_torch.objects.grasp_object import GraspObject
+    from spgf_torch.trials.journal import Journal
+    from spgf_torch.trials.runners import Runner
+
+SHOWN = 5  # objects that failed and incidents told one by one; the manifest has all
 
 
 def run(config: SimulateConfig, folder: Path) -> None:
-    """Write one Parquet file an object into `out` (default: the run's folder); finished ones are kept."""
-    from spgf_torch.evaluation.tables import random_rates
-    from spgf_torch.objects.folders import read_objects
-    from spgf_torch.trials.hand import load_hand
-    from spgf_torch.trials.runner import Trials, origin, simulate
-    from spgf_torch.trials.table import read_table, read_tables, table_path, write_table
+    """Write one Parquet file an object into `out` (default: the run's folder); what is there is kept.
 
-    out = Path(config.out) if config.out else folder
-    _make_folder(out)
+    Raises IncompleteError where an object could not be finished; its manifest says why.
+    """
+    from spgf_torch.objects.folders import read_objects
+    from spgf_torch.trials.attempts import Trials
+    from spgf_torch.trials.campaign import Campaign, Plan, finished
+    from spgf_torch.trials.hand import load_hand
+    from spgf_torch.trials.journal import Journal, rows_of, write_whole
+    from spgf_torch.trials.runner import made_with, origin
+
+    share, out = share_of(config), Path(config.out) if config.out else folder
     stages = Stages()
     found = read_objects(config, stages)
-    objects = found.objects
     for note in found.notes:
         show(note)
+    objects = found.objects[share[0] - 1 :: share[1]]
     trials = Trials(load_hand(config.hand), config.episode)
-    waiting = []
+    origins = [origin(obj, trials, config.sampler, config.candidates, config.seed) for obj in objects]
+    there = finished(out, origins)
+    runner = runner_of(config)
+    journal = Journal(out, share, made_with(trials, config.sampler, config.candidates, config.seed))
+    journal.left_out = [note for note in found.notes if note.startswith("left out: ")]
+    try:
+        with journal.open(origins):
+            write_whole(out / "config.yaml", OmegaConf.to_yaml(OmegaConf.create(plain(config))).encode())
+            for its in there:
+                journal.done(its)
+            waiting = [pair for pair in zip(objects, origins, strict=True) if pair[1] not in there]
+            with stages.stage("trials", sum(rows_of(its) for _, its in waiting), "candidates") as advance:
+                campaign = Campaign(journal, Plan(trials, config.chunk, config.failed_as), advance)
+                campaign.run(waiting, runner)
+    except OSError as error:
+        kept = f"{journal.trials} candidates are kept there, the same call goes on"
+        raise IncompleteError(f"{out}: expected room to write, got {error.strerror or error}; {kept}") from error
+    tables = _show_rates(out, objects)
+    if campaign.trials:
+        show(f"{campaign.trials / stages.seconds['trials']:.0f} candidates/s")
+    show(f"{tables} files in {out}")
+    _tell(journal, objects)
+
+
+def share_of(config: SimulateConfig) -> tuple[int, int]:
+    """(i, n) of `shard`. Raises InputError for another key that does not go with what else is set, too."""
+    from spgf_torch.trials.table import OUTCOMES
+
+    match = re.fullmatch(r"([1-9]\d{0,5})/([1-9]\d{0,5})", config.shard)
+    if match is None or int(match[1]) > int(match[2]):
+        raise InputError(f"shard: expected i/n with i from 1 to n, got {config.shard}")
+    if int(match[2]) > 1 and not config.out:
+        raise InputError("out: expected a folder, the same for all shards; got none")
+    if config.failed_as not in (None, *OUTCOMES):
+        raise InputError(f"failed_as: expected null or one of {', '.join(OUTCOMES)}; got {config.failed_as}")
+    if (config.runner == "dask") != bool(config.address):
+        got = config.address or "none"
+        raise InputError(f"address: expected that of a Dask scheduler with runner=dask, and only then; got {got}")
+    return int(match[1]), int(match[2])
+
+
+def runner_of(config: SimulateConfig) -> Runner:
+    """Where the trials run."""
+    from spgf_torch.trials.runners import Dask, Local
+
+    if config.address:
+        return Dask(config.address, config.time_limit)
+    return Local(config.workers, config.time_limit)
+
+
+def _show_rates(out: Path, objects: Sequence[GraspObject]) -> int:
+    """Chance on the objects that have their table; how many these are."""
+    from spgf_torch.evaluation.tables import random_rates
+    from spgf_torch.trials.table import read_table, table_path
+
+    rows = []
     for obj in objects:
         path = table_path(out, obj.name)
-        if not path.exists():
-            waiting.append(obj)
-        else:
-            read_tables(out, [origin(obj, trials, config.sampler, config.candidates, config.seed)])
-    (out / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.create(plain(config))))
-    total = 2 * config.candidates * len(waiting)
-    with stages.stage("trials", total, "candidates") as advance:
-        tables = simulate(
-            waiting, trials, config.sampler, config.candidates, config.seed, config.workers, lambda _, n: advance(n)
-        )
-        for table in tables:
-            write_table(table_path(out, table.object_name), table)
-    made = [read_table(table_path(out, obj.name)) for obj in objects]
-    show(random_rates([obj.category for obj in objects], [t.success for t in made], [t.grasp_type for t in made]))
-    if waiting:
-        show(f"{total / stages.seconds['trials']:.0f} candidates/s")
-    show(f"{len(objects)} files in {out}")
+        if path.exists():
+            table = read_table(path)
+            rows.append((obj.category, table.success, table.grasp_type))
+    if rows:
+        show(random_rates(*zip(*rows, strict=True)))
+    return len(rows)
 
 
-def _make_folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"out: expected a folder that can be made, got {out} ({error.strerror})") from error
+def _tell(journal: Journal, objects: Sequence[GraspObject]) -> None:
+    """What went wrong, a line each; IncompleteError if anything did."""
+    entries = {obj.name: journal.objects.get(obj.name, {}) for obj in objects}
+    failed = [f"{name}: {entry['reason']}" for name, entry in entries.items() if "reason" in entry]
+    stood_for = sum(len(entry.get("failures", [])) for entry in entries.values() if entry.get("state") == "done")
+    told = [*journal.left_out, *failed, *journal.incidents]
+    for line in told[:SHOWN]:
+        console.print(escape(line))
+    if len(told) > SHOWN:
+        console.print(f"and {len(told) - SHOWN} more")
+    if told or stood_for:
+        counts = {
+            "objects left out": len(journal.left_out),
+            "objects without a table": len(failed),
+            "trials without an outcome of their own": stood_for,
+            "incidents": len(journal.incidents),
+        }
+        words = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+        raise IncompleteError(f"{words}: {journal.path} says why; the same call tries again what has no outcome")
 
 
 if __name__ == "__main__":

@@ -1,37 +1,27 @@
-"""Trials of many grasps: candidates in, outcomes out, on all cores; the result does not depend on how many there are.
-
-Workers are fresh processes (loky), never forks: a forked child that steps an inherited scene hangs.
-"""
+"""Trials of many grasps: candidates in, outcomes out, on all cores; how many these are does not change the result."""
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
+from contextlib import closing
+from dataclasses import dataclass
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 import torch
-from joblib import Parallel, delayed
 from torch import Tensor
 
-from spgf_torch.config import GRASP_TYPES, EpisodeConfig, SamplerConfig, plain
+from spgf_torch.config import GRASP_TYPES, SamplerConfig, plain, typed
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.trials.attempts import Case, Ended, Trials
 from spgf_torch.trials.candidates import sample_poses
-from spgf_torch.trials.hand import Hand
+from spgf_torch.trials.runners import Here, Local, Runner, Task
 from spgf_torch.trials.table import OUTCOMES, Origin, TrialTable, pose_matrix
 
 CHUNK = 50  # candidates a task: a few seconds at most, so that all workers end together
 VERSIONS = ("sapien", "trimesh", "numpy", "python-fcl", "embreex", "pytorch-kinematics")
-
-
-@dataclass(frozen=True)
-class Trials:
-    """How trials are run: the hand and the settings of an episode."""
-
-    hand: Hand
-    episode: EpisodeConfig
 
 
 def origin(obj: GraspObject, trials: Trials, sampler: SamplerConfig, candidates: int, seed: int) -> Origin:
@@ -47,6 +37,62 @@ def origin(obj: GraspObject, trials: Trials, sampler: SamplerConfig, candidates:
     )
 
 
+def made_with(trials: Trials, sampler: SamplerConfig, candidates: int, seed: int) -> dict[str, Any]:
+    """What all tables of one call have in common: an origin but for the object, and the versions of packages."""
+    common = {
+        "hand_digest": trials.hand.digest,
+        "sampler": plain(sampler),
+        "episode": plain(trials.episode),
+        "candidates": candidates,
+        "seed": seed,
+    }
+    return {**common, "versions": versions()}
+
+
+@dataclass(frozen=True)
+class Poses:
+    """The candidates of one object, by row of its table: those of each grasp type, one type after the other.
+
+    Attributes:
+        position: (M, 3) float32, m, and
+        quaternion: (M, 4) float32 wxyz of T_object_tcp.
+    """
+
+    position: Tensor
+    quaternion: Tensor
+
+    def T_object_tcp(self, first: int, end: int) -> np.ndarray:  # noqa: N802
+        """(end - first, 4, 4) float32 of these rows."""
+        return pose_matrix(self.position[first:end], self.quaternion[first:end]).numpy()
+
+
+def sample(obj: GraspObject, origin: Origin) -> Poses:
+    """The candidates of an object: its random stream follows from the seed and its name alone."""
+    sampler = typed(SamplerConfig, origin.sampler)
+    parts = []
+    for kind in GRASP_TYPES:
+        rng = np.random.default_rng([origin.seed, zlib.crc32(f"{obj.name}/{kind}".encode())])
+        parts.append(sample_poses(obj, origin.candidates, sampler, rng))
+    return Poses(*(torch.cat(columns) for columns in zip(*parts, strict=True)))
+
+
+def table_of(origin: Origin, poses: Poses, outcome: Tensor) -> TrialTable:
+    """The table of an object: its candidates and their outcomes (M,) int64."""
+    return TrialTable(
+        origin=origin,
+        position=poses.position,
+        quaternion=poses.quaternion,
+        grasp_type=torch.arange(len(GRASP_TYPES)).repeat_interleave(origin.candidates),
+        outcome=outcome,
+        versions=versions(),
+    )
+
+
+def versions() -> dict[str, str]:
+    """Of the packages that outcomes depend on."""
+    return {name: version(name) for name in VERSIONS}
+
+
 def simulate(
     objects: Sequence[GraspObject],
     trials: Trials,
@@ -58,24 +104,18 @@ def simulate(
 ) -> Iterator[TrialTable]:
     """The table of each object, in order: `candidates` grasps of each type, sampled and executed.
 
-    Each object's random stream follows from `seed` and its name alone. `workers` processes, 0 = one a core.
-    `progress(name, done)` is called whenever `done` more candidates of an object have ended.
+    Nothing is written; what survives being cut off is a `campaign`. `workers` and `progress` as for `execute`.
     """
-    poses = {obj.name: [_poses(obj, sampler, candidates, seed, kind) for kind in GRASP_TYPES] for obj in objects}
+    origins = [origin(obj, trials, sampler, candidates, seed) for obj in objects]
+    poses = [sample(*pair) for pair in zip(objects, origins, strict=True)]
     requests = [
-        (obj, kind, pose_matrix(*poses[obj.name][index])) for obj in objects for index, kind in enumerate(GRASP_TYPES)
+        (obj, kind, torch.from_numpy(its.T_object_tcp(index * candidates, (index + 1) * candidates)))
+        for obj, its in zip(objects, poses, strict=True)
+        for index, kind in enumerate(GRASP_TYPES)
     ]
     outcomes = execute(requests, trials, workers, progress)
-    for obj in objects:
-        position, quaternion = (torch.cat(parts) for parts in zip(*poses[obj.name], strict=True))
-        yield TrialTable(
-            origin=origin(obj, trials, sampler, candidates, seed),
-            position=position,
-            quaternion=quaternion,
-            grasp_type=torch.arange(len(GRASP_TYPES)).repeat_interleave(candidates),
-            outcome=torch.cat([next(outcomes) for _ in GRASP_TYPES]),
-            versions={name: version(name) for name in VERSIONS},
-        )
+    for its_origin, its_poses in zip(origins, poses, strict=True):
+        yield table_of(its_origin, its_poses, torch.cat([next(outcomes) for _ in GRASP_TYPES]))
 
 
 def execute(
@@ -84,55 +124,51 @@ def execute(
     workers: int = 0,
     progress: Callable[[str, int], None] = lambda name, done: None,
 ) -> Iterator[Tensor]:
-    """For each (object, grasp type, T_object_tcp (M, 4, 4)) the outcomes (M,) int64, codes into `OUTCOMES`."""
-    cases = [
-        (_Case(f"{o.digest} {trials.hand.digest} {trials.episode}", kind, o, trials), T) for o, kind, T in requests
-    ]
-    chunks = [
-        (index, case, T[first : first + CHUNK].numpy())
+    """For each (object, grasp type, T_object_tcp (M, 4, 4)) the outcomes (M,) int64, codes into `OUTCOMES`.
+
+    `workers` processes, 0 = one a core, 1 = this one. `progress(name, done)` is called whenever `done` more candidates
+    of an object have ended. Raises RuntimeError where one has no outcome.
+    """
+    cases = [(Case.of(obj, trials, kind), T.numpy()) for obj, kind, T in requests]
+    tasks = [
+        Task((index, first), case, T[first : first + CHUNK])
         for index, (case, T) in enumerate(cases)
         for first in range(0, len(T), CHUNK)
     ]
-    parallel = Parallel(n_jobs=workers or -1, return_as="generator", pre_dispatch="3*n_jobs")
-    results = parallel(delayed(_run_chunk)(case, T) for _, case, T in chunks)
-    outcomes: list[list[int]] = [[] for _ in cases]
+    runner: Runner = Here() if workers == 1 else Local(workers)
+    outcomes: list[list[str | None]] = [[] for _ in cases]
     ended = 0
-    for (index, case, T), codes in zip(chunks, results, strict=True):
-        for codes_of_case in outcomes[ended:index]:
-            yield torch.tensor(codes_of_case, dtype=torch.int64)
+    for task, result in _in_order(runner, tasks):
+        index, _ = task.name
+        for words in outcomes[ended:index]:
+            yield codes(words)
         ended = index
-        outcomes[index] += codes
-        progress(case.obj.name, len(T))
-    for codes_of_case in outcomes[ended:]:
-        yield torch.tensor(codes_of_case, dtype=torch.int64)
+        outcomes[index] += _complete(task, result).outcomes
+        progress(task.case.obj.name, len(result.outcomes))
+    for words in outcomes[ended:]:
+        yield codes(words)
 
 
-def _poses(obj: GraspObject, sampler: SamplerConfig, count: int, seed: int, kind: str) -> tuple[Tensor, Tensor]:
-    rng = np.random.default_rng([seed, zlib.crc32(f"{obj.name}/{kind}".encode())])
-    return sample_poses(obj, count, sampler, rng)
+def codes(outcomes: Sequence[str | None]) -> Tensor:
+    """(M,) int64: the index of each into `OUTCOMES`."""
+    return torch.tensor([OUTCOMES.index(word) for word in outcomes if word], dtype=torch.int64)
 
 
-@dataclass(frozen=True)
-class _Case:
-    """One object and grasp type, under one hand and episode; `digests` stands for all that is not compared."""
-
-    digests: str
-    kind: str
-    obj: GraspObject = field(compare=False)
-    trials: Trials = field(compare=False)
-
-
-def _run_chunk(case: _Case, T_object_tcp: np.ndarray) -> list[int]:
-    attempt = _attempt(case)
-    return [OUTCOMES.index(attempt(T)) for T in T_object_tcp]
+def _in_order(runner: Runner, tasks: Sequence[Task]) -> Iterator[tuple[Task, Ended]]:
+    """As they were given, whatever the order in which they end."""
+    early: dict[int, Ended] = {}
+    numbers = {task.name: number for number, task in enumerate(tasks)}
+    turn = 0
+    with closing(runner.run(tasks)) as results:  # type: ignore[type-var]
+        for task, ended in results:
+            early[numbers[task.name]] = ended
+            while turn in early:
+                yield tasks[turn], early.pop(turn)
+                turn += 1
 
 
-@lru_cache(maxsize=2)
-def _attempt(case: _Case) -> Callable[[np.ndarray], str]:
-    """Pre-check, then the episode; what both prepare is kept by the worker for the chunks to come."""
-    from spgf_torch.trials.episode import Simulator  # a parent of workers never steps a scene: no need of SAPIEN
-    from spgf_torch.trials.precheck import PreCheck
-
-    check = PreCheck(case.obj, case.trials.hand.preshapes[case.kind])
-    simulator = Simulator(case.obj, case.trials.hand, case.trials.episode)
-    return lambda T: "collision" if check.collides(T) else simulator.run(T, case.kind)
+def _complete(task: Task, ended: Ended) -> Ended:
+    reason = ended.unbuilt or next(iter(ended.reasons.values()), "")
+    if reason:
+        raise RuntimeError(f"{task.case.obj.name} {task.case.kind}: {reason}")
+    return ended

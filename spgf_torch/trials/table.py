@@ -23,10 +23,14 @@ from torch import Tensor
 
 from spgf_torch.config import GRASP_TYPES, InputError
 from spgf_torch.geometry import se3
+from spgf_torch.reading import json_of, parquet_table, unreadable
 
 SCHEMA = 1
 OUTCOMES = ("success", "collision", "missed", "dropped", "slipped", "rotated")
 POSITION, QUATERNION = ("x", "y", "z"), ("qw", "qx", "qy", "qz")
+COLUMNS = ("type", *POSITION, *QUATERNION, "outcome")
+MOST_ROWS = 20_000_000  # of each of two types the most candidates that settings allow
+UNIT = 1e-3  # off the length of a quaternion: float32 gives 1e-7
 KEY = b"spgf_torch.trials"  # of the metadata in the Parquet schema
 
 
@@ -131,18 +135,15 @@ def read_table(path: Path) -> TrialTable:
     """
     if not path.is_file():
         raise InputError(f"{path}: expected a trial table, got no such file (make it: python -m spgf_torch.simulate)")
-    try:
-        content = pq.read_table(path)
-    except (pa.ArrowInvalid, OSError) as error:
-        raise InputError(f"{path}: expected a trial table, got a damaged file ({_first_line(error)})") from None
+    content = parquet_table(path, "a trial table", COLUMNS, MOST_ROWS)
     try:
         return _decoded(path, content)
     except (KeyError, TypeError, ValueError, AttributeError, pa.ArrowException) as error:
-        raise InputError(f"{path}: expected the columns of a trial table, got others ({_first_line(error)})") from error
+        raise unreadable(path, "the columns of a trial table", error, "others") from error
 
 
 def _decoded(path: Path, content: pa.Table) -> TrialTable:
-    about = json.loads((content.schema.metadata or {}).get(KEY, b"{}"))
+    about = json_of((content.schema.metadata or {}).get(KEY, b"{}"), path, "a trial table")
     if about.get("schema") != SCHEMA:
         raise InputError(
             f"{path}: expected a trial table of schema {SCHEMA}, got {about.get('schema', 'a foreign file')}"
@@ -160,6 +161,11 @@ def _decoded(path: Path, content: pa.Table) -> TrialTable:
         raise InputError(f"{path}: expected {rows} trials, got {len(table)}")
     if not (table.position.isfinite().all() and table.quaternion.isfinite().all()):
         raise InputError(f"{path}: expected finite poses, got NaN or infinite ones")
+    length = torch.linalg.vector_norm(table.quaternion, dim=1)
+    if len(table) and float((length - 1).abs().max()) > UNIT:
+        raise InputError(
+            f"{path}: expected quaternions of length 1, got {float(length.min()):.4g} to {float(length.max()):.4g}"
+        )
     return table
 
 
@@ -172,12 +178,13 @@ def read_tables(folder: Path, expected: Iterable[Origin]) -> list[TrialTable]:
     for origin in expected:
         path = table_path(folder, origin.object_name)
         table = read_table(path)
-        _compare(path, origin, table.origin)
+        compare(path, origin, table.origin)
         tables.append(table)
     return tables
 
 
-def _compare(path: Path, expected: Origin, got: Origin) -> None:
+def compare(path: Path, expected: Origin, got: Origin) -> None:
+    """Raises InputError for the first thing that what is in `path` was made from and that is not as expected."""
     for key, value in asdict(expected).items():
         other = getattr(got, key)
         if isinstance(value, dict) and isinstance(other, dict):
@@ -191,10 +198,6 @@ def _compare(path: Path, expected: Origin, got: Origin) -> None:
 def _short(value: Any) -> str:
     text = str(value)
     return text if len(text) <= 40 else text[:12] + "..."
-
-
-def _first_line(error: BaseException) -> str:
-    return str(error).splitlines()[0][:120]
 
 
 def _words(codes: Tensor, words: tuple[str, ...]) -> pa.DictionaryArray:
