@@ -18,8 +18,9 @@ from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
-from spgf_torch.config import IncompleteError, InputError, plain, root, typed
+from spgf_torch.config import IncompleteError, InputError, one_line, plain, root, typed
 from spgf_torch.multirun import Multirun
 from spgf_torch.progress import console
 
@@ -58,7 +59,7 @@ def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
             status = multirun.summary()
         for error in refused:
             raise error
-    except (InputError, HydraException, OmegaConfBaseException) as error:
+    except (InputError, HydraException, OmegaConfBaseException, YAMLError) as error:
         fail(command, error)
     except IncompleteError as error:
         print(f"{command}: {error}", file=sys.stderr)
@@ -91,7 +92,7 @@ def fail(command: str, error: Exception) -> None:
     if "hydra/launcher/" in str(error):
         lines.append("(joblib, slurm and submitit_local: pip install 'spgf-torch[sweep]')")
     words = [line for line in lines if line and not line.startswith(("full_key:", "object_type=", "reference_type"))]
-    print(f"{command}: {' '.join(words)}", file=sys.stderr)
+    print(f"{command}: {one_line(' '.join(words))}", file=sys.stderr)
     sys.exit(2)
 
 
@@ -104,7 +105,10 @@ def slug(overrides: str) -> str:
 def with_paths_quoted(argument: str) -> str:
     """`model=outputs/train/..._K=20` with quotes around the path, if it is one: Hydra reads only one `=`."""
     key, _, value = argument.partition("=")
-    return f"{key}='{value}'" if "=" in value and Path(value).exists() else argument
+    try:
+        return f"{key}='{value}'" if "=" in value and Path(value).exists() else argument
+    except OSError:  # longer than a path may be
+        return argument
 
 
 def _is_override(argument: str) -> bool:
@@ -114,7 +118,7 @@ def _is_override(argument: str) -> bool:
 def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path], None]) -> Path:
     folder = Path(HydraConfig.get().runtime.output_dir)
     try:
-        config = typed(kind, _without_missing_k(composed))
+        config = typed(kind, _own_keys_first(_without_missing_k(composed)))
         (folder / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.create(plain(config))))
         run(config, folder)
     except IncompleteError:
@@ -135,6 +139,11 @@ def _without_missing_k(composed: DictConfig) -> dict[str, Any]:
     if values.get("K") == "???":
         values["K"] = values["prototypes"]["num_clusters"]
     return values
+
+
+def _own_keys_first(values: dict[str, Any]) -> dict[str, Any]:
+    """The same with the door's own keys before its rooms', which take some of them: an error names what was given."""
+    return dict(sorted(values.items(), key=lambda entry: isinstance(entry[1], dict)))
 
 
 def point_latest(folder: Path) -> None:

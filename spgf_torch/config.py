@@ -8,6 +8,7 @@ Lengths are metres, masses kilograms, times seconds; angles are degrees in setti
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -314,6 +315,7 @@ class TrainConfig(ObjectsConfig):
     trials_per_object: int = bounded(1, 1_000_000)
     training_objects: int = bounded(2, 1_000_000)
     final_model: bool = MISSING
+    fold_models: bool = MISSING
     bootstrap: int = bounded(100, 1_000_000)
     trials: str = text()
     device: str = text()
@@ -349,6 +351,7 @@ class EvaluateConfig(ObjectsConfig):
     """`python -m spgf_torch.evaluate`: the model's best grasps on a folder of meshes, executed."""
 
     model: str = text()
+    held_out: bool = MISSING
     N: int = bounded(1, 1000)
     candidates: str = choice("proposed", "sampled")
     samples: int = bounded(1, 10_000_000)
@@ -458,8 +461,19 @@ def _plain(values: Any) -> Any:
     return OmegaConf.to_container(values, resolve=True) if OmegaConf.is_config(values) else values
 
 
+# OmegaConf's words in ours.
+_WORDS = {
+    r"^Value '(.*)' of type '\w+' could not be converted to (\w+)$": r"expected a value of type \2, got \1",
+    r"^Incompatible value '(.*)' for field of type '(\w+)'$": r"expected a value of type \2, got \1",
+    r"^Cannot convert '(\w+)' to string: '(.*)'$": r"expected text, got \2",
+    r"^Key '(.*)' not in '(\w+)'$": r"expected a key of \2, got \1",
+}
+
+
 def _one_line(error: OmegaConfBaseException) -> str:
     message = str(error.msg or error).splitlines()[0].strip()
+    for pattern, words in _WORDS.items():
+        message = re.sub(pattern, words, message)
     key = getattr(error, "full_key", None)
     return f"{key}: {message}" if key and str(key) not in message else message
 

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from spgf_torch.cli import door
-from spgf_torch.config import PredictConfig, find
+from spgf_torch.config import PredictConfig, SensingConfig, find, typed
 from spgf_torch.progress import Stages, show
 
 
@@ -14,6 +14,7 @@ def run(config: PredictConfig, folder: Path) -> None:
     """Read the scene, propose grasps, write them into `folder` in every format, with a page and a picture."""
     import numpy as np
 
+    from spgf_torch.affordance.model import check_device, model_settings
     from spgf_torch.exporting.graspnet import write_graspnet
     from spgf_torch.exporting.grasps_json import write_grasps
     from spgf_torch.exporting.isaac import write_isaac
@@ -22,16 +23,18 @@ def run(config: PredictConfig, folder: Path) -> None:
     from spgf_torch.predictor import Predictor
     from spgf_torch.scene.scene import read_scene
 
-    stages = Stages()
-    with stages.stage("model", 1, "model") as advance:
-        predictor = Predictor.load(config.model, config.device, config.proposing, config.retreat).ready()
-        advance(1)
-    show(f"model: {find(config.model).resolve()}, K = {len(predictor.model.centres)}")
+    stages, folder_of_model = Stages(), find(config.model)
+    check_device(config.device)
+    sensing = typed(SensingConfig, model_settings(folder_of_model)["sensing"])
     with stages.stage("scene", 1, "input") as advance:
-        scene = read_scene(config, predictor.sensing, np.random.default_rng(config.seed))
+        scene = read_scene(config, sensing, np.random.default_rng(config.seed))
         advance(1)
     for note in scene.notes:
         show(note)
+    with stages.stage("model", 1, "model") as advance:
+        predictor = Predictor.load(folder_of_model, config.device, config.proposing, config.retreat).ready()
+        advance(1)
+    show(f"model: {folder_of_model.resolve()}, K = {len(predictor.model.centres)}")
     start = time.perf_counter()
     with stages.stage("grasps", len(scene.texlets), "texlets") as advance:
         grasps = predictor.predict(scene.texlets, config.N, scene.plane)

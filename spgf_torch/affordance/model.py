@@ -7,6 +7,7 @@ either can run code when read.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,18 +23,34 @@ from spgf_torch.affordance.lattice import Kernel, Lattice, gaussian_kernel
 from spgf_torch.affordance.neighbourhood import Condensed, condense
 from spgf_torch.affordance.pairs import CellPairs, lattice_of, points_of, shape_grasp_particles
 from spgf_torch.affordance.voting import Votes, VotingIndex, cast_votes
-from spgf_torch.config import GRASP_TYPES, AffordanceConfig, InputError
+from spgf_torch.config import (
+    GRASP_TYPES,
+    AffordanceConfig,
+    FeatureConfig,
+    HandConfig,
+    InputError,
+    PrototypeConfig,
+    SensingConfig,
+    typed,
+)
+from spgf_torch.reading import json_values, unreadable
 
 FORMAT = "spgf_torch model"
 SCHEMA = 2
 _TENSORS = ("centres", "calibration", "slice_start", "cell", "probability", "support", "base_rate")
 
 
-# What model.json must say.
-_SECTIONS = {
-    "lattice": {"reach", "voxel", "rotation_deg"},
-    "settings": {"sensing", "features", "prototypes", "affordance", "hand"},
+# What model.json must say: the settings of the rooms that made the model.
+_SETTINGS: dict[str, type] = {
+    "sensing": SensingConfig,
+    "features": FeatureConfig,
+    "prototypes": PrototypeConfig,
+    "affordance": AffordanceConfig,
+    "hand": HandConfig,
 }
+_SECTIONS = {"lattice": {"reach", "voxel", "rotation_deg"}, "settings": set(_SETTINGS)}
+_LOWEST = {"cell": 0.0, "probability": 0.0, "support": 0.0, "base_rate": 0.0}
+_HIGHEST = {"probability": 1.0, "base_rate": 1.0}
 
 
 @dataclass(frozen=True)
@@ -88,7 +105,7 @@ def save_model(model: GraspModel, folder: Path) -> int:
     tensors |= {"centres": model.centres, "calibration": model.calibration.weights}
     tensors["cell"] = condensed.cell.int()  # half the file
     save_file({name: t.contiguous().cpu() for name, t in tensors.items()}, folder / "model.safetensors")
-    lattice = {"reach": model.lattice.reach, "voxel": model.lattice.voxel, "rotation_deg": model.lattice.rotation_deg}
+    lattice = _lattice_section(model.lattice)
     document = {"format": FORMAT, "schema": SCHEMA, "lattice": lattice, "settings": model.settings}
     (folder / "model.json").write_text(json.dumps(document, indent=1, sort_keys=True) + "\n")
     return (folder / "model.safetensors").stat().st_size
@@ -97,8 +114,8 @@ def save_model(model: GraspModel, folder: Path) -> int:
 def check_device(name: str) -> None:
     """Raises InputError where torch has no device of this name here."""
     try:
-        torch.zeros(1, device=name)
-    except (RuntimeError, AssertionError) as error:  # torch built without CUDA raises the latter
+        torch.zeros(1, device=name).tolist()
+    except (RuntimeError, AssertionError, NotImplementedError) as error:  # without CUDA in torch; `meta` holds nothing
         raise InputError(f"device: expected cpu or an accelerator of this machine, got {name}") from error
 
 
@@ -110,24 +127,28 @@ def load_model(folder: Path, device: str = "cpu") -> GraspModel:
         raise InputError(f"{path}: expected the tensors of a model, found no such file")
     try:
         tensors = load_file(path, device=device)
-    except (SafetensorError, OSError) as error:
-        raise InputError(f"{path}: expected a safetensors file, got: {str(error).splitlines()[0]}") from None
+    except (SafetensorError, OSError, ValueError, KeyError) as error:  # the latter: a type that torch has not
+        raise unreadable(path, "a safetensors file", error) from None
     missing = [name for name in _TENSORS if name not in tensors]
     if missing:
         raise InputError(f"{path}: expected the tensors {', '.join(_TENSORS)}; missing {', '.join(missing)}")
     _check_shapes(path, tensors)
+    lattice = lattice_of(typed(AffordanceConfig, document["settings"]["affordance"]))
+    _check_values(path, tensors, lattice)
     tensors["cell"] = tensors["cell"].long()
     condensed = Condensed(*(tensors[name] for name in _TENSORS[2:]))
     calibration = Calibration(tensors["calibration"])
-    return GraspModel(tensors["centres"], condensed, _lattice(document["lattice"]), calibration, document["settings"])
-
-
-def _lattice(section: dict[str, float]) -> Lattice:
-    return Lattice(section["reach"], section["voxel"], section["rotation_deg"])
+    return GraspModel(tensors["centres"], condensed, lattice, calibration, document["settings"])
 
 
 def _check_shapes(path: Path, tensors: dict[str, Tensor]) -> None:
     """Raises InputError where the tensors do not belong together."""
+    for name, tensor in tensors.items():
+        whole = name in ("slice_start", "cell")
+        if name in _TENSORS and (tensor.is_floating_point() == whole or tensor.is_complex() or not tensor.ndim):
+            raise InputError(f"{path}: expected {name} to hold {'whole ' * whole}numbers, got {tensor.dtype}")
+    if tensors["centres"].ndim != 2 or not tensors["centres"].numel():
+        raise InputError(f"{path}: expected centres of shape (K, D), got {tuple(tensors['centres'].shape)}")
     slices, points = len(tensors["centres"]) * len(GRASP_TYPES), int(tensors["slice_start"].reshape(-1)[-1:].sum())
     expected: dict[str, tuple[int, ...]] = dict.fromkeys(("cell", "probability", "support"), (points,))
     expected |= {"slice_start": (slices + 1,), "base_rate": (len(GRASP_TYPES),)}
@@ -137,13 +158,29 @@ def _check_shapes(path: Path, tensors: dict[str, Tensor]) -> None:
             raise InputError(f"{path}: expected {name} of shape {shape}, got {tuple(tensors[name].shape)}")
 
 
+def _check_values(path: Path, tensors: dict[str, Tensor], lattice: Lattice) -> None:
+    """Raises InputError where numbers are none that were learned: they would point at nothing, or rank at random."""
+    start, cell = tensors["slice_start"], tensors["cell"]
+    if int(start[0]) != 0 or bool((start.diff() < 0).any()):
+        raise InputError(f"{path}: expected slice_start to rise from 0, got other numbers")
+    if len(cell) and int(cell.max()) >= lattice.cells:
+        raise InputError(f"{path}: expected cells below {lattice.cells}, got {int(cell.max())}")
+    for name in _TENSORS:
+        values = tensors[name]
+        low, high = _LOWEST.get(name, -math.inf), _HIGHEST.get(name, math.inf)
+        if not bool(values.isfinite().all()) or (values.numel() and not low <= values.min() <= values.max() <= high):
+            raise InputError(f"{path}: expected {name} finite and from {low:g} to {high:g}, got other numbers")
+
+
+def model_settings(folder: Path) -> dict[str, Any]:
+    """The settings of the model in `folder`, checked as `load_model` does, without its tensors."""
+    return _read_json(folder / "model.json")["settings"]
+
+
 def _read_json(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"{path}: expected a model that train left (make train), found no such file")
-    try:
-        document = json.loads(path.read_text())
-    except (json.JSONDecodeError, UnicodeDecodeError):
-        raise InputError(f"{path}: expected a JSON document, got something else") from None
+    document = json_values(path, "a JSON document")
     found = (document.get("format"), document.get("schema")) if isinstance(document, dict) else type(document).__name__
     if found != (FORMAT, SCHEMA):
         raise InputError(f"{path}: expected format {FORMAT!r}, schema {SCHEMA}; got {found}")
@@ -151,4 +188,15 @@ def _read_json(path: Path) -> dict[str, Any]:
         section = document.get(key)
         if not isinstance(section, dict) or not needed <= section.keys():
             raise InputError(f"{path}: expected {key} with the keys {', '.join(sorted(needed))}; got something else")
+    for key, kind in _SETTINGS.items():
+        try:
+            config: Any = typed(kind, document["settings"][key])
+        except InputError as error:
+            raise InputError(f"{path}: settings.{key}: {error}") from None
+        if isinstance(config, AffordanceConfig) and document["lattice"] != _lattice_section(lattice_of(config)):
+            raise InputError(f"{path}: expected the lattice of settings.affordance, got {document['lattice']}")
     return document
+
+
+def _lattice_section(lattice: Lattice) -> dict[str, float]:
+    return {"reach": lattice.reach, "voxel": lattice.voxel, "rotation_deg": lattice.rotation_deg}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from spgf_torch.evaluation.success import (
     random_rate,
     top_n,
 )
+from spgf_torch.reading import json_values
 
 SCHEMA = 1
 
@@ -101,10 +101,7 @@ def read_results(path: Path) -> dict[str, Any]:
     """The content of a `results.json` of `train`. Raises InputError where it is missing or not one."""
     if not path.is_file():
         raise InputError(f"{path}: expected the results of a run of train, got no such file")
-    try:
-        content = json.loads(path.read_text())
-    except (json.JSONDecodeError, UnicodeDecodeError):
-        raise InputError(f"{path}: expected JSON, got something else (an interrupted run?)") from None
+    content = json_values(path, "the results of a run of train (interrupted?) as JSON")
     schema = content.get("schema") if isinstance(content, dict) else None
     if schema != SCHEMA or not set(CLASSES) & set(content.get("success_rate", {})):
         raise InputError(f"{path}: expected results of schema {SCHEMA}, got schema {schema}")

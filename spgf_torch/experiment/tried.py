@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 from torch import Tensor
-from yaml import YAMLError
 
 from spgf_torch.affordance.sensed_collision import HandVolume, hand_volume
 from spgf_torch.cache import fingerprint
 from spgf_torch.config import HandConfig, InputError, TrainConfig, find
 from spgf_torch.experiment.describe import Grasps
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.reading import yaml_values
 from spgf_torch.trials.hand import load_hand
 from spgf_torch.trials.runner import Trials, origin
 from spgf_torch.trials.table import read_tables
@@ -63,8 +61,8 @@ def _made_with(path: Path) -> tuple[int, int]:
     """How many candidates of each type, and the seed, of the trials that `simulate` left beside this file."""
     if not path.is_file():
         raise InputError(f"{path}: expected the settings of a trial table (python -m spgf_torch.simulate), got no file")
+    settings = yaml_values(path, "the keys candidates and seed")
     try:
-        settings = OmegaConf.load(path)
-        return int(settings.candidates), int(settings.seed)
-    except (AttributeError, TypeError, ValueError, OSError, YAMLError, OmegaConfBaseException):
+        return int(settings["candidates"]), int(settings["seed"])
+    except (KeyError, TypeError, ValueError, OverflowError):
         raise InputError(f"{path}: expected the keys candidates and seed, got something else") from None

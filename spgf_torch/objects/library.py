@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import trimesh
-import yaml
 from omegaconf import MISSING
 
 from spgf_torch.config import CLASSES, InputError, bounded, choice, text, typed
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.lofts import Solid
+from spgf_torch.objects.manifest import check_name
 from spgf_torch.objects.shapes import SHAPES
+from spgf_torch.reading import yaml_values
 
 MERGE = 1e-9  # m; corners closer than this are one
 
@@ -50,10 +51,7 @@ def load_objects(folder: Path) -> list[GraspObject]:
 
 def load_object(file: Path) -> GraspObject:
     """One described object; raises InputError as `load_objects` does."""
-    try:
-        values = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"{file}: expected a YAML description, got {str(error).splitlines()[0]}") from None
+    values = yaml_values(file, "a YAML description")
     if not isinstance(values, dict):
         raise InputError(f"{file}: expected a mapping with name, category, mass, shape, dimensions; got {values!r}")
     try:
@@ -64,8 +62,7 @@ def load_object(file: Path) -> GraspObject:
 
 def build(description: Description) -> GraspObject:
     """The object that a description stands for: uniform density, so that mesh and mass give the inertia."""
-    if not description.name.replace("_", "").replace("-", "").isalnum():
-        raise InputError(f"name: expected letters, digits, _ and -; got {description.name!r}")
+    check_name(description.name, "name")
     solid = typed(SHAPES[description.shape], description.dimensions).solid()
     mesh = mesh_of(solid)
     mesh.density = description.mass / mesh.volume

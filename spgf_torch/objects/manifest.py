@@ -14,6 +14,7 @@ from spgf_torch.objects.scans import SUFFIXES
 
 MANIFEST = "manifest.csv"
 CATEGORIES = {"container": "containers", "box": "boxes", "curved": "curved"}
+LONGEST_NAME = 100  # characters; files have names of 255
 
 
 @dataclass(frozen=True)
@@ -67,19 +68,30 @@ def _entries(path: Path, reader: csv.DictReader) -> Iterator[Entry]:
 
 def _entry(folder: Path, place: str, record: dict[str, str]) -> Entry:
     name, category = record["name"], record.get("class", "")
-    if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
-        raise InputError(f"{place}: name: expected letters, digits, _ and -, got {name!r}")
+    check_name(name, f"{place}: name")
     if category and category not in CATEGORIES:
         raise InputError(f"{place}: class: expected one of {', '.join(CATEGORIES)}; got {category!r}")
     file = _file(folder, place, record["file"]) if "file" in record else None
     return Entry(place, name, file, CATEGORIES.get(category), _mass(place, record.get("mass", "")))
 
 
+def check_name(name: str, where: str) -> None:
+    """InputError for a name that could not be part of a file's: other characters, none, or too many."""
+    if len(name) > LONGEST_NAME:
+        raise InputError(f"{where}: expected at most {LONGEST_NAME} characters, got {len(name)}")
+    if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
+        raise InputError(f"{where}: expected letters, digits, _ and -, got {name!r}")
+
+
 def _file(folder: Path, place: str, text: str) -> Path:
     file = Path(text)
     if file.is_absolute() or ".." in file.parts or file.suffix.lower() not in SUFFIXES:
         raise InputError(f"{place}: file: expected a {'/'.join(SUFFIXES)} below {folder}, got {text!r}")
-    if not (folder / file).is_file():
+    try:
+        there = (folder / file).is_file()
+    except OSError:  # a name too long
+        there = False
+    if not there:
         raise InputError(f"{folder / file}: expected the mesh that {place} lists, got nothing there")
     return folder / file
 

@@ -13,6 +13,7 @@ from spgf_torch.config import CollisionConfig, InputError
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.kept_pieces import kept_pieces
 from spgf_torch.objects.mending import mended, open_edges, signed_volume
+from spgf_torch.objects.mesh_files import mesh_arrays
 from spgf_torch.objects.shell import PieceCheck
 
 SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
@@ -116,28 +117,14 @@ def fit(points: np.ndarray, width: float) -> float:
 
 
 def _read(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """As `_loaded`: at least one triangle, all vertices finite."""
-    vertices, faces = _loaded(path)
+    """As `mesh_arrays`: at least one triangle, all vertices finite."""
+    vertices, faces = mesh_arrays(path)
     if not len(faces):
         raise InputError(f"{path}: expected a mesh with faces, got {len(vertices)} vertices and no face")
     bad = int((~np.isfinite(vertices)).any(axis=1).sum())
     if bad:
         raise InputError(f"{path}: expected finite vertices, got {bad} of {len(vertices)} with NaN or infinity")
     return vertices, faces
-
-
-def _loaded(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """(V, 3) float64 vertices and (F, 3) int64 triangles as the file has them; no triangles for a point cloud."""
-    try:
-        loaded = trimesh.load_scene(path, process=False, skip_materials=True).to_geometry()
-    except Exception as error:  # each format's reader raises its own kinds for a damaged file
-        raise InputError(f"{path}: expected a {path.suffix} mesh, got a damaged file ({_short(error)})") from error
-    vertices = np.asarray(getattr(loaded, "vertices", np.empty((0, 3))), dtype=np.float64)
-    return vertices, np.asarray(getattr(loaded, "faces", np.empty((0, 3))), dtype=np.int64)
-
-
-def _short(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}".splitlines()[0][:100]
 
 
 def _merged(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:

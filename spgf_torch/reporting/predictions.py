@@ -8,13 +8,14 @@ from functools import cached_property
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from spgf_torch.config import CLASSES, GRASP_TYPES, InputError
 from spgf_torch.evaluation.success import TYPES, of_type
+from spgf_torch.reading import parquet_table
 from spgf_torch.reporting.runs import Run
 
 NESTED = "nested"
+MOST_ROWS = 20_000_000  # of an experiment: a hundred objects with 100,000 candidates of each type
 POSE = ("px", "py", "pz", "qw", "qx", "qy", "qz")
 _COLUMNS = ("object", "class", "fold", "type", "success", "collides", "votes", "probability_before", "probability")
 
@@ -67,13 +68,10 @@ def read_predictions(run: Run, ranking: str) -> list[Candidates]:
     path = run.folder / "predictions.parquet"
     if not path.is_file():
         raise InputError(f"{path}: expected the predictions of a run, got no such file")
-    try:
-        table = pq.read_table(path)
-    except (pa.ArrowException, OSError) as error:
-        raise InputError(f"{path}: expected a Parquet file, got {str(error).splitlines()[0][:100]}") from None
+    table = parquet_table(path, "the predictions of a run", None, MOST_ROWS)
     try:
         objects = _by_object({name: _array(table[name]) for name in table.column_names})
-    except (KeyError, ValueError, TypeError) as error:
+    except (KeyError, ValueError, TypeError, pa.ArrowException) as error:
         raise InputError(f"{path}: expected the columns of predictions, got others ({error})") from None
     for candidates in objects:
         wanted = run.chosen.get(candidates.fold, NESTED) if ranking == NESTED else ranking

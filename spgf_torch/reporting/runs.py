@@ -10,12 +10,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from spgf_torch.config import CLASSES, InputError, find
 from spgf_torch.evaluation.results import read_results
 from spgf_torch.evaluation.success import TYPES, Rates
 from spgf_torch.progress import console
+from spgf_torch.reading import yaml_values
 
 Block = dict[str, Rates]  # class (and "all") -> type -> rate
 Bounds = dict[str, dict[str, tuple[float, float]]]  # class -> type -> (low, high)
@@ -178,10 +177,7 @@ def _of_one_dataset(runs: list[Run], tell: Tell) -> list[Run]:
 
 
 def _settings(path: Path) -> dict[str, Any]:
-    try:
-        content = yaml.safe_load(path.read_text())
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"{path}: expected the settings of a run, got {_told(error)}") from None
+    content = yaml_values(path, "the settings of a run")
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected the settings of a run, got something else")
     return content

@@ -192,7 +192,7 @@ def surface(depth: np.ndarray, camera: Camera, sensing: SensingConfig, name: str
     return Cloud(points @ rotation.T + translation, normals @ rotation.T, translation[None], name)
 
 
-def _image(path: Path, limit: int, formats: Sequence[str]) -> np.ndarray:
+def _image(path: Path, limit: int, formats: tuple[str, ...]) -> np.ndarray:
     """The pixels of an image, whose size is looked at first; other formats, some of which are programs, stay closed."""
     try:
         with warnings.catch_warnings():

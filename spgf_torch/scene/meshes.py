@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 
 from spgf_torch.config import CollisionConfig, InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.objects.mesh_files import mesh_arrays
 from spgf_torch.objects.scans import METRES, SUFFIXES, read_mesh
 from spgf_torch.reading import existing
 from spgf_torch.scene.cloud import Cloud, check_count
@@ -64,18 +65,12 @@ def sensed(
 
 def _load(path: Path, config: SceneConfig) -> trimesh.Trimesh:
     """The mesh in a file, open or closed, in m, of the extent of a scene."""
-    try:
-        mesh = trimesh.load_scene(existing(path), process=False).to_geometry()
-    except InputError:
-        raise
-    except Exception as error:  # each format's reader raises its own kinds for a damaged file
-        reason = f"{type(error).__name__}: {error}".splitlines()[0][:100]
-        raise InputError(f"{path}: expected a {path.suffix} mesh, got a damaged file ({reason})") from error
-    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+    vertices, faces = mesh_arrays(path)
+    if not len(faces):
         raise InputError(f"{path}: expected a mesh with faces, got none")
-    bad = int((~np.isfinite(mesh.vertices)).any(axis=1).sum())
+    bad = int((~np.isfinite(vertices)).any(axis=1).sum())
     if bad:
-        raise InputError(f"{path}: expected finite vertices, got {bad} of {len(mesh.vertices)} with NaN or infinity")
-    mesh = trimesh.Trimesh(mesh.vertices * METRES[config.unit], mesh.faces, process=False)
+        raise InputError(f"{path}: expected finite vertices, got {bad} of {len(vertices)} with NaN or infinity")
+    mesh = trimesh.Trimesh(vertices * METRES[config.unit], faces, process=False)
     check_extent(str(path), mesh.bounds[0], mesh.bounds[1], config)
     return mesh

@@ -64,6 +64,8 @@ def read_scene(config: SceneConfig, sensing: SensingConfig, generator: np.random
     Raises:
         InputError, which names the file or setting, for whatever cannot be used.
     """
+    if not config.input:
+        raise InputError("input: expected a point cloud, depth image or mesh (input=FILE), got none")
     paths = _files("input", config.input)
     if config.intrinsics is not None or any(path.suffix.lower() == ".png" for path in paths):
         _unused(config, "viewpoints", "point clouds")
@@ -250,6 +252,8 @@ def _texlets(cloud: Cloud) -> Texlets:
 
 def _files(name: str, given: object) -> list[Path]:
     """One path or a list of them, as a setting gives it."""
+    if given == "":
+        raise InputError(f"{name}: expected a file or a list of files ({name}=FILE), got none")
     if isinstance(given, (str, Path)):
         return [find(given)]
     if not isinstance(given, (list, tuple)) or not given or not all(isinstance(each, (str, Path)) for each in given):

@@ -18,8 +18,11 @@ from typing import Any
 import numpy as np
 import trimesh
 from scipy.optimize import brentq
+from scipy.spatial import QhullError
 
 from spgf_torch.config import GRASP_TYPES, FingerConfig, HandConfig, InputError, find, plain, typed
+from spgf_torch.objects.mesh_files import mesh_arrays
+from spgf_torch.reading import unreadable
 
 TOUCHING = 1e-9  # m between pads that count as one point; what is left of an opening of 0 is rounding
 
@@ -98,7 +101,7 @@ class Kinematics:
             self.chain = pk.build_chain_from_urdf(urdf).to(dtype=torch.float64)
             self.robot = pk.urdf.URDF.from_xml_string(urdf)
         except Exception as error:  # the parser raises whatever its XML library does
-            raise InputError(f"{path}: expected a URDF of a hand, got {str(error).splitlines()[0]}") from None
+            raise unreadable(path, "a URDF of a hand", error) from None
         self.path, self.config = path, config
         self.fixed = {name: math.radians(angle) for name, angle in config.fixed_deg.items()}
         self._check_names()
@@ -181,7 +184,7 @@ class Kinematics:
         """The files of collision shapes, which stand beside the URDF."""
         shapes = [collision.geometry for link in self.robot.links for collision in link.collisions]
         names = sorted({shape.filename for shape in shapes if hasattr(shape, "filename")})
-        return b"".join((self.path.parent / name).read_bytes() for name in names)
+        return b"".join(_beside(self.path, name).read_bytes() for name in names)
 
     def _tcp(self, links: dict[str, np.ndarray]) -> np.ndarray:
         first, second = self.pads(links)
@@ -218,8 +221,17 @@ def _shape(urdf: Path, collision: Any) -> trimesh.Trimesh:
         return trimesh.creation.cylinder(geometry.radius, geometry.length)
     if hasattr(geometry, "radius"):
         return trimesh.creation.icosphere(radius=geometry.radius)
-    path = urdf.parent / geometry.filename
-    if not path.is_file():
-        raise InputError(f"{urdf}: expected the collision mesh {geometry.filename} beside it, got none")
-    mesh = trimesh.load_mesh(path)
-    return mesh.apply_scale(geometry.scale or 1.0).convex_hull
+    path = _beside(urdf, geometry.filename)
+    vertices, _ = mesh_arrays(path)
+    try:
+        return trimesh.Trimesh(vertices).apply_scale(geometry.scale or 1.0).convex_hull
+    except (ValueError, QhullError) as error:  # flat, or not finite
+        raise unreadable(path, "a mesh with a convex hull", error) from None
+
+
+def _beside(urdf: Path, name: str) -> Path:
+    """The mesh file that a URDF names: in its folder or below."""
+    path = Path(name)
+    if path.is_absolute() or ".." in path.parts or not (urdf.parent / path).is_file():
+        raise InputError(f"{urdf}: expected the collision mesh {name} beside it, got none")
+    return urdf.parent / path

@@ -12,7 +12,16 @@ from spgf_torch.affordance.neighbourhood import Condensed, Counts, ShapeGraspSpa
 from spgf_torch.affordance.pairs import CellPairs, cell_pairs, lattice_of
 from spgf_torch.affordance.particles import Particles, Points, pairs_within
 from spgf_torch.affordance.voting import NO_POINT, VotingIndex, cast_votes, counted_votes
-from spgf_torch.config import AffordanceConfig, InputError, settings
+from spgf_torch.config import (
+    AffordanceConfig,
+    FeatureConfig,
+    HandConfig,
+    InputError,
+    PrototypeConfig,
+    SensingConfig,
+    plain,
+    settings,
+)
 from spgf_torch.geometry import se3
 
 LATTICE = Lattice(reach=0.03, voxel=0.01, rotation_deg=60.0)
@@ -196,7 +205,7 @@ def test_an_empty_model_supports_nothing() -> None:
     assert len(cast_votes(VotingIndex(condensed, LATTICE), Points(one, one, one), one.long()).grasp) == 0
 
 
-SETTINGS = {"sensing": {}, "features": {}, "prototypes": {}, "affordance": {}, "hand": {}}
+ROOMS = {"sensing": SensingConfig, "features": FeatureConfig, "prototypes": PrototypeConfig, "hand": HandConfig}
 
 
 @pytest.fixture
@@ -210,7 +219,8 @@ def model(generator: torch.Generator) -> affordance.GraspModel:
     assert pairs.feature.unique().numel() == 20
     ids = torch.randint(4, (50,), generator=generator)
     learned = affordance.learn([(pairs, ids, torch.rand(50, generator=generator) < 0.5)], torch.rand(4, 144), config)
-    return replace(learned, settings=SETTINGS)
+    rooms = {name: plain(settings(kind)) for name, kind in ROOMS.items()}
+    return replace(learned, settings={**rooms, "affordance": plain(config)})
 
 
 def test_pairs_of_some_grasps(generator: torch.Generator) -> None:

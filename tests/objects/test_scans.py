@@ -176,7 +176,7 @@ def test_a_bad_mesh_is_refused(tmp_path: Path, config: CollisionConfig, mesh: tr
 @pytest.mark.parametrize(
     ("suffix", "content", "message"),
     [
-        ("ply", b"", "got a damaged file"),
+        ("ply", b"", "got an empty file"),
         ("stl", b"\x00" * 10, "got a damaged file|no face"),
         ("obj", b"v 0 0 0\nv 1 0 0\n", "no face|damaged"),
         ("off", b"OFF\n0 0 0\n", "no face|damaged"),

@@ -1,0 +1,88 @@
+"""Mesh files as they are: vertices and triangles, from this one file, bounded by its size."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from spgf_torch.config import InputError
+from spgf_torch.reading import LARGEST_JSON, existing, json_of, unreadable
+
+# A scene may show one mesh many times over: a file of a megabyte could stand for billions of triangles.
+MOST_FACES = 20_000_000
+
+
+def mesh_arrays(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """(V, 3) float64 vertices and (F, 3) int64 triangles as the file has them; no triangles for a point cloud.
+
+    Materials, textures and other files that it names stay closed.
+
+    Raises InputError, which names the file, for one that is damaged, has triangles of vertices that it lacks, or
+    stands for more than `MOST_FACES` triangles.
+    """
+    if existing(path).suffix.lower() == ".glb":
+        _check_glb(path)
+    try:
+        with path.open("rb") as stream:
+            kind = path.suffix.lower().removeprefix(".")
+            scene = trimesh.load_scene(stream, kind, resolver=_NoOtherFile(), process=False, skip_materials=True)
+        if (count := sum(_faces(scene))) > MOST_FACES:
+            raise InputError(f"{path}: expected at most {MOST_FACES} faces, got {count}")
+        loaded = scene.to_geometry()
+        vertices = np.asarray(getattr(loaded, "vertices", np.empty((0, 3))), dtype=np.float64).reshape(-1, 3)
+        faces = np.asarray(getattr(loaded, "faces", np.empty((0, 3))), dtype=np.int64).reshape(-1, 3)
+    except InputError:
+        raise
+    except Exception as error:  # each format's reader raises its own kinds for a damaged file
+        raise unreadable(path, f"a {path.suffix} mesh", error, "a damaged file") from error
+    if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
+        raise InputError(f"{path}: expected faces of its {len(vertices)} vertices, got one of vertex {faces.max()}")
+    return vertices, faces
+
+
+class _NoOtherFile(trimesh.resolvers.Resolver):
+    """What a mesh refers to is not there."""
+
+    def __init__(self) -> None:
+        pass
+
+    def get(self, name: str) -> bytes:
+        raise FileNotFoundError(name)
+
+    def write(self, name: str, data: Any) -> None:
+        raise PermissionError(name)
+
+    def namespaced(self, namespace: str) -> _NoOtherFile:
+        return self
+
+    def keys(self) -> Iterator[str]:
+        return iter(())
+
+
+def _faces(scene: trimesh.Scene) -> Iterator[int]:
+    """The number of faces of each mesh that a scene shows, as often as it shows it."""
+    for node in scene.graph.nodes_geometry:
+        yield len(getattr(scene.geometry[scene.graph[node][1]], "faces", ()))
+
+
+def _check_glb(path: Path) -> None:
+    """InputError for accessors that promise more elements than the file has bytes: zeros are made for them."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        head = stream.read(20)
+        if len(head) < 20 or head[:4] != b"glTF":
+            raise InputError(f"{path}: expected a .glb mesh, got a damaged file (no glTF header)")
+        length = struct.unpack("<I", head[12:16])[0]
+        if length > min(size, LARGEST_JSON):
+            raise InputError(f"{path}: expected a .glb mesh with at most {LARGEST_JSON} bytes of JSON, got {length}")
+        header = json_of(stream.read(length), path, "a .glb mesh")
+    accessors = header.get("accessors", []) if isinstance(header, dict) else []
+    counts = [a.get("count") for a in accessors if isinstance(a, dict)] if isinstance(accessors, list) else []
+    total = sum(count for count in counts if isinstance(count, int | float))
+    if total > size:
+        raise InputError(f"{path}: expected accessors that its {size} bytes can hold, got {total:g} elements")
