@@ -33,8 +33,7 @@ def samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
 
     Raises InputError in one line for a file that is missing, cut off, or no tar.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: expected a WebDataset shard, got {'a folder' if path.is_dir() else 'no such file'}")
+    check_whole(path)
     key, files = "", dict[str, bytes]()
     for name, content in _members(path):
         stem, _, ending = name.rpartition("/")[2].partition(".")
@@ -49,13 +48,24 @@ def samples(path: Path) -> Iterator[tuple[str, dict[str, bytes]]]:
         yield key, files
 
 
+def check_whole(path: Path) -> None:
+    """Raises InputError in one line for a shard that is missing or cut off, without reading it.
+
+    A tar has whole records and ends in zeros. Cut off between two members, or in the last record's padding, it would
+    read like a shorter one.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: expected a WebDataset shard, got {'a folder' if path.is_dir() else 'no such file'}")
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        file.seek(-min(END, size), io.SEEK_END)
+        if size % tarfile.RECORDSIZE or file.read() != bytes(END):
+            raise InputError(f"{path}: expected a WebDataset shard, got one that was cut off ({size} bytes)")
+
+
 def _members(path: Path) -> Iterator[tuple[str, bytes]]:
     """Names and contents of regular files."""
     try:
-        with path.open("rb") as file:
-            file.seek(-min(END, path.stat().st_size), io.SEEK_END)
-            if file.read() != bytes(END):  # cut off between two members, a tar reads like a shorter one
-                raise InputError(f"{path}: expected a WebDataset shard, got one that was cut off")
         with tarfile.open(path, "r:") as tar:
             for member in tar:
                 content = tar.extractfile(member) if member.isreg() else None
