@@ -43,10 +43,11 @@ class InputError(Exception):
 
 
 def one_line(words: str) -> str:
-    """`words` without line breaks and control characters, `LONGEST_LINE` characters at most."""
+    """`words` without line breaks and control characters; of more than `LONGEST_LINE` characters both ends."""
     line = " ".join(words.split()) if not words.isprintable() else words
     line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
-    return line if len(line) <= LONGEST_LINE else line[: LONGEST_LINE - 4] + " ..."
+    half = LONGEST_LINE // 2 - 3
+    return line if len(line) <= LONGEST_LINE else f"{line[:half]} ... {line[-half:]}"
 
 
 class IncompleteError(Exception):
@@ -392,6 +393,21 @@ class ReportConfig:
     worst: int = bounded(1, 100)
     grasps: int = bounded(2, 1000)
     precision: int = bounded(1, 10_000)
+    bootstrap: int = bounded(100, 1_000_000)
+    seed: int = bounded(0, 2**31 - 1)
+
+
+@dataclass
+class CompareConfig:
+    """`python -m spgf_torch.compare`: descriptors and the learned baseline side by side."""
+
+    runs: Any = text()
+    baseline: Any = text()
+    reference: str = text()
+    ranking: str = choice(NESTED, *RANKINGS)
+    rankings: list[str] = field(default_factory=list)
+    K: int = bounded(1, 1000)
+    trials_per_object: int | None = field(default=None)
     bootstrap: int = bounded(100, 1_000_000)
     seed: int = bounded(0, 2**31 - 1)
 

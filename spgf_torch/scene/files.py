@@ -17,6 +17,7 @@ from spgf_torch.scene.pcd import read_pcd
 
 TEXT = (".xyz", ".xyzn", ".txt", ".csv", ".asc")
 NUMPY = (".npy", ".npz")
+_MOST_COLUMNS = 100
 CLOUDS = (".ply", ".pcd", *TEXT, *NUMPY)
 
 
@@ -118,6 +119,8 @@ def _layout(lines: Iterable[str]) -> tuple[list[str], str | None, int]:
             continue
         delimiter = next((mark for mark in ",;" if mark in text), None)
         words = [word.strip().strip('"').lower() for word in text.split(delimiter)]
+        if len(words) > _MOST_COLUMNS:  # numpy makes room for as many in every row that there may be
+            raise ValueError(f"{len(words)} columns")
         try:
             [float(word) for word in words]
         except ValueError:
