@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,18 +19,18 @@ from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
 
 if TYPE_CHECKING:
+    from spgf_torch.affordance.model import GraspModel
     from spgf_torch.experiment.restored import Restored
 
 
 def run(config: EvaluateConfig, folder: Path) -> None:
     """Sense the meshes, rank candidate grasps, execute the best of each type; write the rates into `folder`."""
-    from spgf_torch.affordance.model import check_device, load_model
+    from spgf_torch.affordance.model import check_device
     from spgf_torch.cache import Cache
     from spgf_torch.evaluation.executed import executed_results
     from spgf_torch.evaluation.files import write_bytes, write_json
     from spgf_torch.evaluation.tables import executed_table, scans_table
     from spgf_torch.experiment.execution import execute_best
-    from spgf_torch.experiment.restored import restore
     from spgf_torch.objects.folders import read_objects
     from spgf_torch.progress import show
     from spgf_torch.reporting.failures import failures_picture
@@ -41,8 +41,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     if not find(config.objects).is_dir():
         raise InputError(f"objects: expected a folder of objects, got {config.objects}")
     stages = Stages()
-    model = load_model(find(config.model), config.device)
-    restored = restore(model, config)
+    meets = models(config)
     found = read_objects(config, Stages(), Cache.open(config.cache, config.cache_gb))
     for note in found.notes:
         show(note)
@@ -50,6 +49,9 @@ def run(config: EvaluateConfig, folder: Path) -> None:
         show(scans_table(found.scans))
 
     objects, start = found.objects, time.perf_counter()
+    if not config.held_out and (known := learned_from(objects, meets(objects[0]).model)):
+        show(f"the model learned from {known} of these objects: held_out=true asks models that have not seen them")
+    restored = [meets(obj) for obj in objects]
     if config.candidates == "proposed":
         grasps, scores = proposed(restored, objects, config, stages)
     else:
@@ -67,35 +69,54 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     show(f"results and settings in {folder}")
 
 
+def models(config: EvaluateConfig) -> Callable[[GraspObject], Restored]:
+    """The model that meets an object: one for all, or with `held_out` one that has not seen it."""
+    from spgf_torch.affordance.model import load_model
+    from spgf_torch.experiment.held_out import load_fold_models
+    from spgf_torch.experiment.restored import restore
+
+    run = find(config.model)
+    if not config.held_out:
+        one = restore(load_model(run, config.device), config)
+        return lambda obj: one
+    folds = load_fold_models(run, config.device)
+    restored = {fold: restore(model, config) for fold, model in folds.models.items()}
+    return lambda obj: restored[folds.fold_of(obj)]
+
+
+def learned_from(objects: Sequence[GraspObject], model: GraspModel) -> int:
+    """How many of the objects the model learned from."""
+    taught = set(model.settings.get("taught", {}).values())
+    return sum(obj.digest in taught for obj in objects)
+
+
 def sampled(
-    restored: Restored, objects: Sequence[GraspObject], config: EvaluateConfig, stages: Stages
+    restored: Sequence[Restored], objects: Sequence[GraspObject], config: EvaluateConfig, stages: Stages
 ) -> tuple[list[Grasps], list[Tensor]]:
     """Candidates sampled on the objects' meshes, and their scores."""
     from spgf_torch.experiment.execution import candidate_grasps
 
     grasps = [candidate_grasps(obj, config.samples, config.sampler, config.seed) for obj in objects]
-    described = restored.description.describe(objects, grasps, stages)
+    described = restored[0].description.describe(objects, grasps, stages)
     with stages.stage("voting", len(objects), "objects") as advance:
         scores = []
-        for obj in described:
-            scores.append(restored.scores(obj)[config.ranking].cpu())
+        for model, obj in zip(restored, described, strict=True):
+            scores.append(model.scores(obj)[config.ranking].cpu())
             advance(1)
     return grasps, scores
 
 
 def proposed(
-    restored: Restored, objects: Sequence[GraspObject], config: EvaluateConfig, stages: Stages
+    restored: Sequence[Restored], objects: Sequence[GraspObject], config: EvaluateConfig, stages: Stages
 ) -> tuple[list[Grasps], list[Tensor]]:
     """Grasps proposed for what is sensed of the objects, no mesh used, and their scores; random candidates beside."""
     from spgf_torch.experiment.execution import candidate_grasps, with_random
-    from spgf_torch.proposing.propose import Proposer
     from spgf_torch.sensing.sense import sense
 
-    proposer = Proposer.of(restored.model, config.proposing, restored.description.volumes)
     pairs = []
     with stages.stage("proposing", len(objects), "objects") as advance:
-        for obj in objects:
-            found = proposer.propose(sense(obj, config.sensing, config.seed))
+        for model, obj in zip(restored, objects, strict=True):
+            found = model.proposer.propose(sense(obj, config.sensing, config.seed))
             random = candidate_grasps(obj, config.random_trials, config.sampler, config.seed)
             pairs.append(
                 with_random(Grasps(found.T_object_tcp.cpu(), found.grasp_type.cpu()), found.score.cpu(), random)

@@ -30,6 +30,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.experiment.costs import prediction_ms
     from spgf_torch.experiment.describe import Description
     from spgf_torch.experiment.experiment import Experiment
+    from spgf_torch.experiment.held_out import save_fold_models
     from spgf_torch.experiment.space import Example
     from spgf_torch.experiment.tried import dataset_digest, open_hand, tried_grasps
     from spgf_torch.objects.folders import read_objects
@@ -49,15 +50,17 @@ def run(config: TrainConfig, folder: Path) -> None:
     )
     described = describe.describe(objects, [t.grasps for t in tried], stages)
     examples = [Example(d, t.success.to(config.device)) for d, t in zip(described, tried, strict=True)]
-    predicted, model = Experiment.of(config, design, examples, cache).run(stages)
+    learned = Experiment.of(config, design, objects, examples, cache).run(stages)
 
-    novel = novel_objects(objects, tried, predicted, design.fold)
+    novel, model = novel_objects(objects, tried, learned.predicted, design.fold), learned.model
     results = build_results(novel, config, dataset_digest(objects, tried)) | {"from_cache": dict(cache.hits)}
     if model is not None:
         size = save_model(model, folder)
         results["costs"] = {"model_bytes": size, "prediction_ms": prediction_ms(model, describe, objects, tried)}
         trials = sum(len(t.success) for t in tried)
         write_text(folder / "README.md", model_card(results, config, len(objects), trials, size))
+    if learned.of_fold:
+        save_fold_models(learned.of_fold, objects, design.fold.tolist(), folder)
     write_per_object(folder / "per_object.csv", novel, config.N)
     write_predictions(folder / "predictions.parquet", novel)
     write_json(

@@ -36,6 +36,7 @@ def executed_results(outcomes: Sequence[ObjectOutcome], config: EvaluateConfig) 
         "schema": SCHEMA,
         "N": config.N,
         "candidates": config.candidates,
+        "held_out": config.held_out,
         "ranking": config.ranking,
         "seed": config.seed,
         "success_rate": class_means(classes, [o.best for o in outcomes]),

@@ -54,11 +54,15 @@ class CrossValidation:
 
     def predict(
         self, groups: Sequence[Sequence[Example]], centres: Tensor, novel: Sequence[Described]
-    ) -> list[Predicted]:
-        """Learn from the training folds and their prototypes (K, D), and judge the grasps of novel objects."""
+    ) -> tuple[list[Predicted], Calibration]:
+        """Learn from the training folds and their prototypes (K, D), and judge the grasps of novel objects.
+
+        The calibration is that of the training folds.
+        """
         space = TrainedSpace(groups, centres, self.affordance)
         calibration, chosen = self.nested(space, groups)
-        return [predicted(judged, calibration, chosen) for judged in space.judge(novel, [None] * len(novel))]
+        judged = space.judge(novel, [None] * len(novel))
+        return [predicted(each, calibration, chosen) for each in judged], calibration
 
     def nested(self, space: TrainedSpace, groups: Sequence[Sequence[Example]]) -> tuple[Calibration, str]:
         """Calibration and choice of the ranking on training objects, each group held out from the others."""

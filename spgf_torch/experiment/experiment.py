@@ -9,12 +9,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from spgf_torch.affordance.calibration import Calibration
 from spgf_torch.affordance.model import GraspModel
 from spgf_torch.cache import Cache
 from spgf_torch.config import TrainConfig, plain
 from spgf_torch.experiment.cross_validation import CrossValidation, Predicted, calibrate
 from spgf_torch.experiment.learning import PrototypeFit, learn_model, side_by_side
 from spgf_torch.experiment.space import Example
+from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
 
 
@@ -55,65 +57,88 @@ class Design:
 
 
 @dataclass(frozen=True)
+class Learned:
+    """What an experiment leaves.
+
+    Attributes:
+        predicted: on every object, by a model that has not seen it.
+        model: of all objects, if `final_model`; its calibration comes from the predictions on novel objects.
+        of_fold: fold -> the model that has not seen its objects, if `fold_models`; calibrated on its training folds.
+    """
+
+    predicted: list[Predicted]
+    model: GraspModel | None
+    of_fold: dict[int, GraspModel]
+
+
+@dataclass(frozen=True)
 class Experiment:
     """Examples, which of them teach what, and how.
 
     Attributes:
+        objects: all of them.
         examples: of every object, with all its grasps: what is predicted on.
         teach: of every object, with the grasps that teach.
     """
 
     config: TrainConfig
     design: Design
+    objects: Sequence[GraspObject]
     examples: Sequence[Example]
     teach: Sequence[Example]
     fit: PrototypeFit
 
     @staticmethod
-    def of(config: TrainConfig, design: Design, examples: Sequence[Example], cache: Cache) -> Experiment:
+    def of(
+        config: TrainConfig, design: Design, objects: Sequence[GraspObject], examples: Sequence[Example], cache: Cache
+    ) -> Experiment:
         """The experiment that the settings describe."""
         generator = torch.Generator().manual_seed(config.seed)
         teach = [e.of_grasps(e.sample_of_each_type(config.trials_per_object, generator)) for e in examples]
         prototypes = replace(config.prototypes, num_clusters=config.K)
-        return Experiment(config, design, examples, teach, PrototypeFit(prototypes, config.seed, cache))
+        return Experiment(config, design, objects, examples, teach, PrototypeFit(prototypes, config.seed, cache))
 
-    def run(self, stages: Stages) -> tuple[list[Predicted], GraspModel | None]:
-        """Predictions on every object by a model that has not seen it, and the model of all if `final_model`.
-
-        The calibration of that model comes from the predictions on novel objects.
-        """
+    def run(self, stages: Stages) -> Learned:
+        """Predictions on every object by a model that has not seen it, and the models that the settings ask for."""
         tests: list[int | None] = [*self.design.tests, *([None] if self.config.final_model else [])]
         with stages.stage("prototypes", len(tests), "sets") as advance:
             centres = side_by_side(lambda test: self.fit(self.relations(test)), tests, advance)
         predicted: dict[int, Predicted] = {}
-        models: list[GraspModel] = []
+        models: dict[int | None, GraspModel] = {}
 
         def work(learned: tuple[int | None, Tensor]) -> None:
             test, prototypes = learned
             if test is None:
-                models.append(self.model(prototypes))
-            else:
-                predicted.update(self.predict(test, prototypes))
+                models[None] = self.model(None, prototypes)
+                return
+            on_novel, calibration = self.predict(test, prototypes)
+            predicted.update(on_novel)
+            if self.config.fold_models:
+                models[test] = replace(self.model(test, prototypes), calibration=calibration)
 
         with stages.stage("voting", len(tests), "folds and models" if None in tests else "folds") as advance:
             side_by_side(work, zip(tests, centres, strict=True), advance)
         each = [predicted[i] for i in range(len(self.examples))]
-        held_out = calibrate([p.judged for p in each], [e.success for e in self.examples])
-        return each, replace(models[0], calibration=held_out) if models else None
+        if None in models:
+            held_out = calibrate([p.judged for p in each], [e.success for e in self.examples])
+            models[None] = replace(models[None], calibration=held_out)
+        return Learned(each, models.pop(None, None), models)  # type: ignore[arg-type]
 
     def relations(self, test: int | None) -> Tensor:
         """(L, D) relations of all features that teach what is used on the fold `test` (None: of all folds)."""
         return torch.cat([self.teach[i].described.relations for i in self.design.training(test)])
 
-    def predict(self, test: int, centres: Tensor) -> dict[int, Predicted]:
-        """Predictions on the objects of the fold `test`, by their number."""
+    def predict(self, test: int, centres: Tensor) -> tuple[dict[int, Predicted], Calibration]:
+        """Predictions on the objects of the fold `test`, by their number, and the training folds' calibration."""
         config, novel = self.config, self.design.novel(test)
         validation = CrossValidation(config.affordance, config.inner_grasps, config.N, config.seed)
         groups = [[self.teach[i] for i in group] for group in self.design.groups(test)]
-        predicted = validation.predict(groups, centres, [self.examples[i].described for i in novel])
-        return dict(zip(novel, predicted, strict=True))
+        predicted, calibration = validation.predict(groups, centres, [self.examples[i].described for i in novel])
+        return dict(zip(novel, predicted, strict=True)), calibration
 
-    def model(self, centres: Tensor) -> GraspModel:
-        """The model of all objects, not yet calibrated."""
-        taught = [self.teach[i] for i in self.design.training(None)]
-        return replace(learn_model(taught, centres, self.config.affordance), settings=plain(self.config))
+    def model(self, test: int | None, centres: Tensor) -> GraspModel:
+        """The model for the objects of the fold `test` (None: of all objects), not yet calibrated."""
+        taught = [self.teach[i] for i in self.design.training(test)]
+        digests = {self.objects[i].name: self.objects[i].digest for i in self.design.training(test)}
+        settings = {**plain(self.config), "taught": digests}
+        return replace(learn_model(taught, centres, self.config.affordance), settings=settings)

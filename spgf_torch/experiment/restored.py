@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from torch import Tensor
@@ -11,22 +11,37 @@ from spgf_torch.affordance.model import GraspModel, vote
 from spgf_torch.affordance.ranking import judge, rankings
 from spgf_torch.affordance.voting import VotingIndex
 from spgf_torch.cache import Cache
-from spgf_torch.config import AffordanceConfig, EvaluateConfig, FeatureConfig, InputError, plain, typed
+from spgf_torch.config import (
+    AffordanceConfig,
+    EvaluateConfig,
+    FeatureConfig,
+    InputError,
+    ProposingConfig,
+    plain,
+    settings,
+    typed,
+)
 from spgf_torch.experiment.describe import Described, Description
 from spgf_torch.experiment.tried import open_hand
+from spgf_torch.proposing.propose import Proposer
 from spgf_torch.prototypes.kmeans import assign
 
 
 @dataclass(frozen=True)
 class Restored:
-    """A model that describes objects and scores their grasps as it was learned."""
+    """A model that describes objects and scores their grasps as it was learned, and proposes new ones."""
 
     model: GraspModel
     description: Description
+    proposing: ProposingConfig = field(default_factory=lambda: settings(ProposingConfig))
 
     @cached_property
     def index(self) -> VotingIndex:
         return VotingIndex(self.model.condensed, self.model.lattice)
+
+    @cached_property
+    def proposer(self) -> Proposer:
+        return Proposer.of(self.model, self.proposing, self.description.volumes)
 
     def scores(self, obj: Described) -> dict[str, Tensor]:
         """Every ranking's score (G,) of an object's grasps."""
@@ -47,4 +62,4 @@ def restore(model: GraspModel, config: EvaluateConfig) -> Restored:
     features = typed(FeatureConfig, model.settings["features"])
     volumes, cache = open_hand(config.hand), Cache.open(config.cache, config.cache_gb)
     description = Description(config.sensing, features, affordance, volumes, config.seed, config.device, cache)
-    return Restored(model, description)
+    return Restored(model, description, config.proposing)

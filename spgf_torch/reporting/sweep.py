@@ -13,7 +13,7 @@ from spgf_torch.evaluation.success import Rates, paired_difference
 from spgf_torch.reporting.runs import Bounds, ObjectRow, Run
 
 # Settings that do not change what a run's rates mean: where data stand, how it is computed, what is shown.
-PROCESS = {"objects", "trials", "device", "workers", "ranking", "bootstrap", "final_model"}
+PROCESS = {"objects", "trials", "device", "workers", "ranking", "bootstrap", "final_model", "fold_models"}
 SWEPT = {"K", "prototypes.num_clusters"}
 NOMINAL_K = 20  # the paper's best combined result: what an ablation is compared with where its own K was not run
 
@@ -65,7 +65,7 @@ def find_sweep(runs: Sequence[Run]) -> Sweep:
     Args:
         runs: oldest first; of runs with equal settings the last counts.
     """
-    latest = {_flat(run): run for run in runs}
+    latest = {flat_settings(run): run for run in runs}
     groups: dict[Settings, dict[int, Run]] = defaultdict(dict)
     for settings, run in latest.items():
         groups[tuple(entry for entry in settings if entry[0] not in SWEPT)][run.K] = run
@@ -95,19 +95,20 @@ def difference(
     return Difference(len(shared), mean, bounds)
 
 
-def _flat(run: Run) -> Settings:
+def flat_settings(run: Run) -> Settings:
     """Every setting that matters as (dotted key, text), sorted; K is the run's own."""
-    entries = dict(_entries(run.settings, ""))
+    entries = dict(flattened(run.settings, ""))
     kept = {
         key: value for key, value in entries.items() if key.split(".")[0] not in PROCESS and not key.startswith("cache")
     }
     return tuple(sorted((kept | {"K": str(run.K), "prototypes.num_clusters": str(run.K)}).items()))
 
 
-def _entries(value: Any, key: str) -> list[tuple[str, str]]:
+def flattened(value: Any, key: str) -> list[tuple[str, str]]:
+    """Nested settings as (dotted key, text), `key` before each."""
     if isinstance(value, Mapping):
         return [
-            entry for name, inner in value.items() for entry in _entries(inner, f"{key}.{name}" if key else str(name))
+            entry for name, inner in value.items() for entry in flattened(inner, f"{key}.{name}" if key else str(name))
         ]
     return [(key, f"{value:g}" if isinstance(value, float) else str(value))]
 
@@ -120,7 +121,7 @@ def _nearest(swept: Sequence[Run], run: Run) -> Run | None:
 
 
 def _differences(run: Run, reference: Run) -> dict[str, tuple[str, str]]:
-    mine, usual = dict(_flat(run)), dict(_flat(reference))
+    mine, usual = dict(flat_settings(run)), dict(flat_settings(reference))
     keys = [key for key in sorted(mine.keys() | usual.keys()) if key != "prototypes.num_clusters"]
     return {key: (mine.get(key, "-"), usual.get(key, "-")) for key in keys if mine.get(key) != usual.get(key)}
 

@@ -27,6 +27,7 @@ from spgf_torch.config import (
     typed,
 )
 from spgf_torch.evaluate import run as evaluate
+from spgf_torch.experiment.held_out import load_fold_models
 from spgf_torch.exporting.graspnet import read_graspnet
 from spgf_torch.exporting.grasps_json import read_grasps
 from spgf_torch.exporting.isaac import read_isaac
@@ -96,7 +97,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(ROOT / f"data/objects/{name}.yaml", folder / "objects")
         shutil.copy(ROOT / f"data/trials/{name}.parquet", folder / "trials")
     shutil.copy(ROOT / "data/trials/config.yaml", folder / "trials")
-    done = call("train", "objects=objects", "trials=trials", *TINY, cwd=folder)
+    done = call("train", "objects=objects", "trials=trials", "fold_models=true", *TINY, cwd=folder)
     assert done.returncode == 0, done.stderr
     (folder / "stdout.txt").write_text(done.stdout)
     (folder / "stderr.txt").write_text(done.stderr)
@@ -107,7 +108,7 @@ def test_train_leaves_what_the_contract_says(small: Path) -> None:
     run = small / "outputs/train/latest"
     assert {p.name for p in run.iterdir()} == {
         "config.yaml", "results.json", "per_object.csv", "predictions.parquet",
-        "model.safetensors", "model.json", "README.md",
+        "model.safetensors", "model.json", "README.md", "fold_models",
     }  # fmt: skip
     results = json.loads((run / "results.json").read_text())
     assert (
@@ -225,9 +226,25 @@ def test_evaluate_executes_the_best_grasps(small: Path, scanned: Path, mode: lis
     assert 0 <= row["CG"] <= 1 and "block" in done.stdout
 
 
+def test_held_out_objects_meet_models_that_have_not_seen_them(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(small)
+    run = small / "outputs/train/latest"
+    folds = load_fold_models(run)
+    for obj in load_objects(small / "objects"):
+        for fold, model in folds.models.items():
+            assert (obj.digest in model.settings["taught"].values()) == (fold != folds.fold_of(obj))
+    tiny = ["proposing.point_support=2", "random_trials=2", "N=2", "bootstrap=100", "workers=1"]
+    Path("held_out").mkdir()
+    config = composed("evaluate", "objects=objects", f"model={run}", "held_out=true", *tiny)
+    evaluate(typed(EvaluateConfig, config), Path("held_out"))
+    results = json.loads(Path("held_out/results.json").read_text())
+    assert results["held_out"] and [row["object"] for row in results["per_object"]] == sorted(NAMES)
+
+
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [
+        (["held_out=true"], ["held_out", "block"]),
         (["objects=nowhere"], ["nowhere"]),
         (["objects=empty"], ["empty", "mesh"]),
         (["objects=large"], ["block.ply", "unit=mm"]),
@@ -248,6 +265,7 @@ def test_evaluate_refuses_bad_input(
     shutil.copytree(scanned, tmp_path / "large")
     trimesh.load_mesh(scanned / "block.ply").apply_scale(1000).export(tmp_path / "large/block.ply")
     model = [] if any(o.startswith("model=") for o in overrides) else [f"model={small}/outputs/train/latest"]
+    model += [] if any(o.startswith("objects=") for o in overrides) else [f"objects={scanned}"]
     says(evaluate, EvaluateConfig, words, "evaluate", *overrides, *model)
 
 

@@ -1,0 +1,64 @@
+"""The models of cross-validation on disk, so that each object can be met by one that has not seen it.
+
+`fold_models/<fold>/` holds a model as `save_model` leaves it; `fold_models/objects.json` says of each object its fold
+and its digest.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from spgf_torch.affordance.model import GraspModel, load_model, save_model
+from spgf_torch.config import InputError
+from spgf_torch.evaluation.files import write_text
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.reading import json_values
+
+FOLDER, LIST = "fold_models", "objects.json"
+
+
+@dataclass(frozen=True)
+class FoldModels:
+    """Models by fold, and the objects that each has not seen: name -> (fold, digest)."""
+
+    models: Mapping[int, GraspModel]
+    novel: Mapping[str, tuple[int, str]]
+
+    def fold_of(self, obj: GraspObject) -> int:
+        """The fold whose model has not seen this object. Raises InputError where there is none."""
+        fold, digest = self.novel.get(obj.name, (None, None))
+        if fold is None or digest != obj.digest:
+            got = "another object of its name" if fold is not None else "no such object"
+            raise InputError(f"held_out: expected objects of the run's cross-validation, got {obj.name}: {got} there")
+        return fold
+
+
+def save_fold_models(
+    models: Mapping[int, GraspModel], objects: Sequence[GraspObject], folds: Sequence[int], run: Path
+) -> None:
+    """Leave the models in the run's folder; folds: of each object, the one whose model has not seen it."""
+    for fold, model in models.items():
+        folder = run / FOLDER / str(fold)
+        folder.mkdir(parents=True)
+        save_model(model, folder)
+    about = {obj.name: {"fold": fold, "digest": obj.digest} for obj, fold in zip(objects, folds, strict=True)}
+    write_text(run / FOLDER / LIST, json.dumps(about, indent=1, sort_keys=True) + "\n")
+
+
+def load_fold_models(run: Path, device: str = "cpu") -> FoldModels:
+    """The models that `save_fold_models` left. Raises InputError where there are none, or they are damaged."""
+    path = run / FOLDER / LIST
+    if not path.is_file():
+        raise InputError(f"{path}: expected the models of a run with fold_models=true, found no such file")
+    try:
+        novel = {
+            name: (int(row["fold"]), str(row["digest"]))
+            for name, row in json_values(path, "the folds of objects").items()
+        }
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise InputError(f"{path}: expected fold and digest of each object, got something else") from None
+    folds = sorted({fold for fold, _ in novel.values()})
+    return FoldModels({fold: load_model(run / FOLDER / str(fold), device) for fold in folds}, novel)
