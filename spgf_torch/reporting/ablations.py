@@ -138,9 +138,9 @@ def _change(ablation: Ablation, ranking: str, name: str) -> str:
     if change is None or name not in change.mean:
         return "-"
     mean, (low, high) = change.mean[name]["CG"], change.interval95[name]["CG"]
-    return f"{_points(mean, 1)} ({_points(low, 0)} to {_points(high, 0)})"
+    return f"{points(mean, 1)} ({points(low, 0)} to {points(high, 0)})"
 
 
-def _points(fraction: float, digits: int) -> str:
+def points(fraction: float, digits: int) -> str:
     """Percentage points with their sign; what rounds to nothing is +0."""
     return f"{round(100 * fraction, digits) + 0.0:+.{digits}f}"

@@ -13,6 +13,8 @@ from spgf_torch.reporting.names import FAMILIES, family_of
 DPI = 300
 TYPE_COLOURS = {"NPG": "#0072B2", "WPG": "#D55E00", "CG": "#00795A"}
 FAMILY_COLOURS = dict(zip(FAMILIES, ("#7a7a7a", "#0072B2", "#E69F00", "#009E73", "#B0508F"), strict=True))
+# Rows of a comparison, the reference first.
+METHOD_COLOURS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 PAPER, CHANCE, CEILING = "#8a8a8a", "#444444", "#b9b9b9"
 FAILED, HELD = "#c8102e", "#1a9641"
 MESH = "#dfe5ea"

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from spgf_torch.config import InputError
-from spgf_torch.reporting.ablations import _points
+from spgf_torch.reporting.ablations import points
 from spgf_torch.reporting.runs import ObjectRow, Run
 from spgf_torch.reporting.sweep import difference, find_sweep
 
@@ -86,4 +86,4 @@ def test_runs_without_a_common_object_are_refused() -> None:
     ("fraction", "digits", "words"), [(-0.0002, 1, "+0.0"), (-0.2, 0, "-20"), (0.0051, 1, "+0.5"), (-0.004, 0, "+0")]
 )
 def test_points_have_a_sign_and_no_negative_zero(fraction: float, digits: int, words: str) -> None:
-    assert _points(fraction, digits) == words
+    assert points(fraction, digits) == words

@@ -1,0 +1,40 @@
+"""`python -m spgf_torch.compare`: descriptors and the learned baseline side by side, from runs of train."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from spgf_torch.cli import door
+from spgf_torch.config import CompareConfig
+from spgf_torch.progress import console, show
+
+
+def run(config: CompareConfig, folder: Path) -> None:
+    """Write tables and the learning curve into `folder`; show the table, the costs and who is ahead of whom."""
+    from spgf_torch.reporting.comparison import baseline_rows, compare, find_rows
+    from spgf_torch.reporting.runs import load_runs
+
+    def tell(line: str) -> None:
+        console.print(f"compare: {line}", markup=False)
+
+    rows = find_rows(load_runs(config.runs, tell), config, tell)
+    references = rows[config.reference]
+    rows |= baseline_rows(config, references[max(references)], tell)
+    rankings = dict.fromkeys([config.ranking, *config.rankings])
+    comparisons = [compare(rows, config, ranking, tell) for ranking in rankings]
+
+    from spgf_torch.evaluation.files import write_bytes, write_text
+    from spgf_torch.reporting.comparison_chart import learning_curves  # matplotlib: not before there is a curve
+    from spgf_torch.reporting.comparison_text import long_csv, markdown, terminal
+    from spgf_torch.reporting.page import drawn, png
+
+    write_text(folder / "comparison.md", markdown(comparisons))
+    write_text(folder / "comparison.csv", long_csv(comparisons))
+    write_bytes(folder / "learning_curve.png", png(drawn(learning_curves(comparisons[0]))))
+    for content in terminal(comparisons[0]):
+        show(content)
+    show(f"tables and learning curve in {folder}")
+
+
+if __name__ == "__main__":
+    door("compare", CompareConfig, run)
