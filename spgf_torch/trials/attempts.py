@@ -8,13 +8,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spgf_torch.config import EpisodeConfig
-from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.trials.cell import Cell, CellDiedError, limited
-from spgf_torch.trials.hand import Hand
+
+if TYPE_CHECKING:
+    from spgf_torch.config import EpisodeConfig
+    from spgf_torch.objects.grasp_object import GraspObject
+    from spgf_torch.trials.hand import Hand
 
 # How many time limits of a trial the making of an object may take: the first one loads the simulator.
 BUILDING = 10
@@ -43,8 +46,7 @@ def physics(obj: GraspObject, trials: Trials, kind: str) -> Attempt:
 
 @dataclass(frozen=True)
 class Case:
-    """One object and grasp type, under one hand and episode, and how it is tried; `key` stands for what is not
-    compared."""
+    """One object and grasp type, and how it is tried; `key` stands for all that is not compared."""
 
     key: str
     kind: str

@@ -109,10 +109,10 @@ class Campaign:
 
     def _take(self, it: Open, first: int, ended: Ended) -> None:
         """First onto the disk, then told."""
-        if ended.incident:
-            self.journal.incidents.append(ended.incident)
         if it.unbuilt:
             return
+        if ended.incident:
+            self.journal.incidents.append(ended.incident)
         count = len(ended.outcomes)
         if ended.unbuilt:
             it.unbuilt = ended.unbuilt

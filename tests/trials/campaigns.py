@@ -1,0 +1,70 @@
+"""Calls of a campaign, as `simulate` makes them, for tests."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from spgf_torch.config import SamplerConfig, plain, settings
+from spgf_torch.trials.attempts import Attempt, physics
+from spgf_torch.trials.campaign import Campaign, Plan, finished
+from spgf_torch.trials.journal import Journal
+from spgf_torch.trials.runners import Runner
+from spgf_torch.trials.table import Origin
+
+
+@dataclass
+class Calls:
+    """Calls with the same objects and settings.
+
+    Attributes:
+        objects: what is tried.
+        trials: hand and episode; toys have none to speak of.
+        make: what an attempt is; None = physics.
+        candidates: of each type.
+    """
+
+    objects: Sequence[Any]
+    trials: Any
+    attempt: Callable[..., Attempt] | None
+    candidates: int
+
+    @property
+    def made_with(self) -> dict[str, Any]:
+        return {
+            "hand_digest": self.trials.hand.digest,
+            "sampler": plain(settings(SamplerConfig)),
+            "episode": {"dt": 0.002},
+            "candidates": self.candidates,
+            "seed": 0,
+        }
+
+    def origin(self, obj: Any, **changes: Any) -> Origin:
+        return Origin(obj.name, obj.digest, **{**self.made_with, **changes})
+
+    def make(
+        self, out: Path, runner: Runner, chunk: int = 5, failed_as: str | None = None, versions: str = "1"
+    ) -> tuple[Journal, int]:
+        """One call; its journal and how many trials it ran."""
+        origins = [self.origin(obj) for obj in self.objects]
+        journal = Journal(out, (1, 1), {**self.made_with, "versions": {"physics": versions}})
+        there = finished(out, origins)
+        with journal.open(origins):
+            for its in there:
+                journal.done(its)
+            campaign = Campaign(journal, Plan(self.trials, chunk, failed_as, self.attempt or physics))
+            waiting = [pair for pair in zip(self.objects, origins, strict=True) if pair[1] not in there]
+            campaign.run(waiting, runner)
+        return journal, campaign.trials
+
+
+def tables(out: Path) -> dict[str, bytes]:
+    """Every table's bytes."""
+    return {path.name: path.read_bytes() for path in sorted(out.glob("*.parquet"))}
+
+
+def manifest(out: Path) -> dict[str, Any]:
+    return json.loads((out / "manifest.json").read_text())
