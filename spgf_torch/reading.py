@@ -83,26 +83,34 @@ def yaml_values(path: Path, what: str) -> Any:
 class _BoundedLoader(yaml.SafeLoader):
     """A SafeLoader that looks at how large a document is with its aliases written out before it makes values of it."""
 
+    level = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        self.level += 1
+        if self.level > DEEPEST:
+            raise ValueError(f"more than {DEEPEST} levels")
+        node = super().compose_node(parent, index)
+        self.level -= 1
+        return node
+
     def get_single_data(self) -> Any:
         node = self.get_single_node()
         if node is None:
             return None
-        if _nodes(node, {}, 1) > MOST_NODES:
+        if _nodes(node, {}) > MOST_NODES:
             raise ValueError(f"aliases that stand for more than {MOST_NODES} values")
         return self.construct_document(node)
 
 
-def _nodes(node: yaml.Node, known: dict[int, int], level: int) -> int:
-    """How many nodes a YAML node stands for, itself included; ValueError for one within itself or nested too deep."""
-    if level > DEEPEST:
-        raise ValueError(f"more than {DEEPEST} levels")
+def _nodes(node: yaml.Node, known: dict[int, int]) -> int:
+    """How many nodes a YAML node stands for, itself included; ValueError for one within itself."""
     if not isinstance(node, yaml.CollectionNode):
         return 1
     if id(node) not in known:
         known[id(node)] = 0  # until all of it is known
         pairs = isinstance(node, yaml.MappingNode)
         inner = [part for pair in node.value for part in pair] if pairs else node.value
-        known[id(node)] = 1 + sum(_nodes(part, known, level + 1) for part in inner)
+        known[id(node)] = 1 + sum(_nodes(part, known) for part in inner)
     if known[id(node)] == 0:
         raise ValueError("an alias within what it stands for")
     return known[id(node)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,9 +41,36 @@ def mesh_arrays(path: Path) -> tuple[np.ndarray, np.ndarray]:
         raise
     except Exception as error:  # each format's reader raises its own kinds for a damaged file
         raise unreadable(path, f"a {path.suffix} mesh", error, "a damaged file") from error
+    if path.suffix.lower() == ".ply":
+        header = ply_header(path)
+        said, got = (declared(header, "vertex"), declared(header, "face")), (len(vertices), len(faces))
+        if got[0] != said[0] or got[1] < said[1]:  # faces of more than three corners become several
+            raise InputError(f"{path}: expected {said[0]} vertices and {said[1]} faces as its header says, got {got}")
     if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
         raise InputError(f"{path}: expected faces of its {len(vertices)} vertices, got one of vertex {faces.max()}")
     return vertices, faces
+
+
+def ply_faces(path: Path) -> int:
+    """Number of faces that a PLY file declares: 0 for a point cloud."""
+    return declared(ply_header(path), "face")
+
+
+def ply_header(path: Path) -> str:
+    """The header of a PLY file, as text."""
+    with path.open("rb") as stream:
+        head = stream.read(1 << 16)
+    text, found, _ = head.partition(b"end_header")
+    if not head.startswith(b"ply") or not found:
+        got = "a part of one" if head.startswith(b"ply") else "none"
+        raise InputError(f"{path}: expected a PLY header that ends with end_header, got {got}")
+    return text.decode("ascii", errors="replace")
+
+
+def declared(header: str, element: str) -> int:
+    """How many of an element a PLY header declares."""
+    match = re.search(rf"^element {element} (\d{{1,18}})\s*$", header, re.MULTILINE)  # more digits are no count
+    return int(match[1]) if match else 0
 
 
 class _NoOtherFile(trimesh.resolvers.Resolver):

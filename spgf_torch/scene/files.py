@@ -11,6 +11,7 @@ import numpy as np
 from trimesh.exchange.ply import load_ply
 
 from spgf_torch.config import InputError
+from spgf_torch.objects.mesh_files import declared, ply_header
 from spgf_torch.reading import existing, npy_array, npz_arrays, reason
 from spgf_torch.scene.cloud import Cloud, check_count, checked
 from spgf_torch.scene.pcd import read_pcd
@@ -48,29 +49,9 @@ def read_cloud(path: Path, limit: int) -> Cloud:
     raise InputError(f"{path}: expected a point cloud ({', '.join(CLOUDS)}), got {suffix or 'no suffix'}")
 
 
-def ply_faces(path: Path) -> int:
-    """Number of faces that a PLY file declares: 0 for a point cloud."""
-    return _declared(_ply_header(path), "face")
-
-
-def _ply_header(path: Path) -> str:
-    with path.open("rb") as stream:
-        head = stream.read(1 << 16)
-    text, found, _ = head.partition(b"end_header")
-    if not head.startswith(b"ply") or not found:
-        got = "a part of one" if head.startswith(b"ply") else "none"
-        raise InputError(f"{path}: expected a PLY header that ends with end_header, got {got}")
-    return text.decode("ascii", errors="replace")
-
-
-def _declared(header: str, element: str) -> int:
-    match = re.search(rf"^element {element} (\d{{1,18}})\s*$", header, re.MULTILINE)  # more digits are no count
-    return int(match[1]) if match else 0
-
-
 def _ply(path: Path, limit: int) -> Cloud:
-    header = _ply_header(path)
-    count = _declared(header, "vertex")
+    header = ply_header(path)
+    count = declared(header, "vertex")
     check_count(path, count, limit)
     try:
         with path.open("rb") as stream:

@@ -8,11 +8,10 @@ import numpy as np
 import trimesh
 
 from spgf_torch.config import CollisionConfig, InputError, SceneConfig, SensingConfig, settings
-from spgf_torch.objects.mesh_files import mesh_arrays
+from spgf_torch.objects.mesh_files import mesh_arrays, ply_faces
 from spgf_torch.objects.scans import METRES, SUFFIXES, read_mesh
 from spgf_torch.reading import existing
 from spgf_torch.scene.cloud import Cloud, check_count
-from spgf_torch.scene.files import ply_faces
 from spgf_torch.scene.selection import check_extent
 from spgf_torch.sensing.cameras import surround
 from spgf_torch.sensing.sense import observe

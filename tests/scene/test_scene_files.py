@@ -9,8 +9,9 @@ import trimesh
 
 from spgf_torch.config import InputError
 from spgf_torch.geometry.principal import principal_axes
+from spgf_torch.objects.mesh_files import ply_faces
 from spgf_torch.scene.cloud import Cloud, voxel_means
-from spgf_torch.scene.files import ply_faces, read_cloud
+from spgf_torch.scene.files import read_cloud
 
 LIMIT = 1000
 POINTS = np.array([[0.1, -0.2, 0.3], [1.5, 0.25, -0.75], [0.0, 0.5, 2.0]])
