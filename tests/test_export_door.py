@@ -64,7 +64,7 @@ def test_everything_at_once(here: Path, capsys: pytest.CaptureFixture[str]) -> N
     said = capsys.readouterr().out
     known = check_card(Path("data"))  # every file has its checksum
     assert known["counts"]["trials"] == 600 and known["counts"]["objects"] == 3
-    assert known["formats"] == list(FORMATS) and known["license"] == "MIT"
+    assert known["formats"] == list(FORMATS) and known["license"] == "not stated"
     held = sum(int(read_table(Path(f"trials/{name}.parquet")).success.sum()) for name in NAMES)
     assert known["counts"]["success"] == held == known["outcomes"]["success"]
     assert sum(block["trials"] for block in known["rates"]["all"].values()) == 600
@@ -72,7 +72,7 @@ def test_everything_at_once(here: Path, capsys: pytest.CaptureFixture[str]) -> N
     folds = stratified_folds([entry["class"] for entry in known["objects"]], 2, 0).tolist()
     assert [entry["fold"] for entry in known["objects"]] == folds
     readme = Path("data/README.md").read_text()
-    assert all(f"{name}/" in readme for name in FORMATS) and "MIT" in readme
+    assert all(f"{name}/" in readme for name in FORMATS) and "not stated" in readme
     _the_formats_agree()
 
 
@@ -96,7 +96,8 @@ def test_a_folder_with_files_is_replaced_only_when_told_so(here: Path) -> None:
     Path("data/mine").write_text("mine")
     assert "overwrite=true" in says("format=graspnet")
     assert [path.name for path in Path("data").iterdir()] == ["mine"]
-    export("format=graspnet", "overwrite=true")
+    export("format=graspnet", "overwrite=true", "license=CC-BY-4.0")
+    assert check_card(Path("data"))["license"] == "CC-BY-4.0"
     assert {path.name for path in Path("data").iterdir()} == {
         "README.md",
         "card.json",

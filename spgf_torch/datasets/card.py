@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.config import CLASSES, GRASP_TYPES, InputError, plain
+from spgf_torch.config import CLASSES, GRASP_TYPES, InputError, find, plain, root
 from spgf_torch.datasets.common import mesh_file, read_json
 from spgf_torch.datasets.config import ExportConfig
 from spgf_torch.datasets.source import TrialSet
@@ -23,6 +23,7 @@ from spgf_torch.exporting.checks import entry
 from spgf_torch.trials.table import OUTCOMES
 
 SCHEMA = 1
+OURS, NOT_STATED = "MIT", "not stated"
 CARD, README = "card.json", "README.md"
 # Settings that say where and how it was made, not what.
 PRIVATE = ("out", "overwrite", "workers", "cache", "cache_gb")
@@ -48,7 +49,7 @@ def card(trials: TrialSet, config: ExportConfig, formats: Sequence[str]) -> dict
     settings = {key: value for key, value in plain(config).items() if key not in PRIVATE}
     return {
         "schema": SCHEMA,
-        "license": config.license,
+        "license": config.license or (OURS if _shipped(config) else NOT_STATED),
         "formats": list(formats),
         "frames": "T of the gripper in the object's mesh: +z approach, +x closing, origin at the hand's base; m, rad",
         "counts": {"objects": len(trials.objects), "trials": trials.trials, "success": _successes(trials)},
@@ -141,6 +142,12 @@ the frame of the object's mesh: +z approach, +x closing, origin at the hand's ba
 {known["folds"]} folds of the cross-validation over objects: `splits/.../foldF/valid.txt` names the objects of fold F,
 `train.txt` the others. An `<id>` is the object's name with - for _.
 """
+
+
+def _shipped(config: ExportConfig) -> bool:
+    """Whether the objects and the trials are this repository's."""
+    given = (("objects", config.objects), ("trials", config.trials))
+    return all(find(path).resolve() == (root() / "data" / name).resolve() for name, path in given)
 
 
 def _object(trials: TrialSet, i: int) -> dict[str, Any]:

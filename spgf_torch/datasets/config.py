@@ -30,7 +30,7 @@ class ExportConfig(ObjectsConfig):
     overwrite: bool = field(default=False)
     folds: int = bounded(2, 50)
     seed: int = bounded(0, 2**31 - 1)
-    license: str = text()
+    license: str | None = text()
     cache: str | None = text()
     cache_gb: float = bounded(0.0, 1e6)
     samples: SamplesConfig = field(default_factory=SamplesConfig)

@@ -65,11 +65,12 @@ def write_samples(
             chosen = pairs[first : first + config.per_shard]
             rng = np.random.default_rng([seed, fold, number])
             clouds = _clouds(trials, chosen, config, rng)
+            header = _npy_header(clouds[0])
             with tar.written(folder / shard_name(fold, number)) as shard:
                 for (i, row), cloud in zip(chosen.tolist(), clouds, strict=True):
                     about = _about(trials, i, row)
                     key = f"{about['object']}_{about['type']}_{row}"
-                    tar.add(shard, f"{key}.{CLOUD}", _npy(cloud))
+                    tar.add(shard, f"{key}.{CLOUD}", header + cloud.tobytes())
                     tar.add(shard, f"{key}.{ABOUT}", json.dumps(about).encode())
             advance(len(chosen))
 
@@ -138,10 +139,11 @@ def _about(trials: TrialSet, i: int, row: int) -> dict[str, Any]:
     }
 
 
-def _npy(array: np.ndarray) -> bytes:
+def _npy_header(cloud: np.ndarray) -> bytes:
+    """What stands before the numbers in a .npy file of this shape: the same for all clouds."""
     buffer = io.BytesIO()
-    np.save(buffer, array, allow_pickle=False)
-    return buffer.getvalue()
+    np.save(buffer, cloud, allow_pickle=False)
+    return buffer.getvalue()[: -cloud.nbytes]
 
 
 def _checked_cloud(cloud: np.ndarray, where: str) -> np.ndarray:
