@@ -85,7 +85,7 @@ class Description:
     cache: Cache = field(default_factory=lambda: Cache(None))
 
     def describe(self, objects: Sequence[GraspObject], grasps: Sequence[Grasps], stages: Stages) -> list[Described]:
-        """Sense objects, compute their features, and pair these with grasps; one stage of progress each."""
+        """Sense objects, compute features, pair these with grasps, look for collisions; a stage of progress each."""
         all_steps = [Steps(self, obj, tried) for obj, tried in zip(objects, grasps, strict=True)]
 
         def in_turn(stage: str, work: Callable[[Steps], T], *made: str) -> list[T]:
@@ -99,7 +99,9 @@ class Description:
 
         in_turn("sensing", Steps.sense_if_needed, "texlets")
         in_turn("features", lambda steps: steps.features, "features")
-        return in_turn("particles", Steps.described, "pairs", "collisions")
+        in_turn("particles", lambda steps: steps.pairs, "pairs")
+        in_turn("collisions", lambda steps: steps.collides, "collisions")
+        return [steps.described() for steps in all_steps]
 
 
 class once(Generic[T]):  # noqa: N801

@@ -2,5 +2,5 @@
 
 Reads what runs left (`runs`, `predictions`), decides what belongs together (`sweep`), and turns it into tables
 (`table1`, `ablations`), pictures (`charts`, `scenes`), 3-D views (`views`) and one page (`page`). Nothing here learns
-or simulates.
+or simulates. `comparison` is what `compare` shows: rows of `conf/comparison` side by side.
 """

@@ -20,9 +20,10 @@ VERDICTS = (("all", "CG"), *((name, "CG") for name in NAMES if name != "all"), *
 
 CAUTION = (
     "Intervals are 95 % bootstraps over objects, not corrected for their number; seeds of sensing and k-means are not "
-    "in them. Training: describing, prototypes, and voting of all folds with its inner cross-validation, or the "
-    "network's; > where a part was read from the cache. Prediction: an object, from its texlets to the scores of its "
-    "candidates."
+    "in them. Training: features, particles, prototypes and voting of all folds with their inner "
+    "cross-validation and of the model of all objects (sensing and sensed collisions, which all share, left out), or "
+    "the network's; > where a part was read from the cache. Prediction: an object, from its texlets to the scores of "
+    "its candidates."
 )
 PRINTED = (
     "Thomsen et al. (2015) printed for pairs of patches, on the paper's objects and learned class by class: containers "

@@ -20,7 +20,8 @@ class Costs:
     """What a run cost; None where it does not say.
 
     Attributes:
-        training_s: describing, prototypes and voting of all folds; sensing, which all rows share, is left out.
+        training_s: features, particles, prototypes and voting of all folds; sensing and the look for sensed
+            collisions, which all rows share, are left out.
         at_least: a part of that was read from the cache by every run that could have told its time.
         prediction_ms: an object, from its texlets to the scores of its candidates. model_bytes: the saved model.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,7 +60,9 @@ class Difference:
 
 
 def find_sweep(runs: Sequence[Run]) -> Sweep:
-    """The largest group of runs that differ in K alone (of equal ones the newest), and how the others differ from it.
+    """The largest group of runs that differ in K alone, and how the others differ from it.
+
+    K = 1 makes no group larger. Of equal ones it is the group that the others differ least from, then the newest.
 
     Args:
         runs: oldest first; of runs with equal settings the last counts.
@@ -69,7 +71,7 @@ def find_sweep(runs: Sequence[Run]) -> Sweep:
     groups: dict[Settings, dict[int, Run]] = defaultdict(dict)
     for settings, run in latest.items():
         groups[tuple(entry for entry in settings if entry[0] not in SWEPT)][run.K] = run
-    main = max(groups, key=lambda key: (len(groups[key]), max(run.stamp for run in groups[key].values())))
+    main = max(groups, key=lambda key: (len(groups[key].keys() - {1}), -_apart(key, groups), _newest(groups[key])))
     swept = tuple(run for _, run in sorted(groups[main].items()))
     others = [run for key, group in groups.items() if key != main for run in group.values()]
     # A K that the paper does not have (K = 1) is an ablation, too.
@@ -111,6 +113,15 @@ def flattened(value: Any, key: str) -> list[tuple[str, str]]:
             entry for name, inner in value.items() for entry in flattened(inner, f"{key}.{name}" if key else str(name))
         ]
     return [(key, f"{value:g}" if isinstance(value, float) else str(value))]
+
+
+def _apart(settings: Settings, others: Iterable[Settings]) -> int:
+    """In how many settings all the others differ from these together."""
+    return sum(len(set(other) - set(settings)) for other in others)
+
+
+def _newest(runs: Mapping[int, Run]) -> str:
+    return max(run.stamp for run in runs.values())
 
 
 def _nearest(swept: Sequence[Run], run: Run) -> Run | None:

@@ -70,7 +70,7 @@ def test_a_cache_changes_no_bit(
     monkeypatch.setattr(module, "descriptor", lambda config: forbidden(descriptor(config)))
     warm = described(description(Cache(tmp_path)))
     assert same(without, cold) and same(without, warm)
-    assert capsys.readouterr().err.count(", 2 from the cache") == 3
+    assert capsys.readouterr().err.count(", 2 from the cache") == 4
 
 
 def forbidden(step: Any) -> Any:

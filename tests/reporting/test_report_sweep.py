@@ -16,6 +16,19 @@ def made(stamp: str, K: int, **settings: Any) -> Run:
     return Run(Path(stamp), stamp, values, K, 10, 0, "d", {}, {}, {}, {}, {}, {}, {})
 
 
+def test_of_equal_groups_the_one_in_the_middle_is_the_sweep() -> None:
+    """A star: three runs that each vary one setting, one of them with K = 1, too, and the usual settings older."""
+    features = {"layers": 2, "radius": 0.03, "alignment": "argmax"}
+    runs = [
+        made("1", 20, features=features),
+        made("2", 20, features={**features, "radius": 0.02}),
+        made("3", 20, features={**features, "alignment": "random"}),
+        made("4", 1, features={**features, "alignment": "random"}),
+    ]
+    sweep = find_sweep(runs)
+    assert sweep.runs == (runs[0],) and len(sweep.variants) == 3
+
+
 def test_runs_that_differ_in_k_alone_are_the_sweep() -> None:
     runs = [made("1", 5), made("2", 20), made("3", 20, features={"layers": 1, "radius": 0.03})]
     sweep = find_sweep(runs)
