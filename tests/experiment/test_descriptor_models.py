@@ -1,0 +1,91 @@
+"""Models of another descriptor than SPGF: learned, saved, restored, asked."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+import trimesh
+
+from spgf_torch.affordance.model import GraspModel, load_model, save_model
+from spgf_torch.affordance.sensed_collision import hand_volume
+from spgf_torch.config import (
+    AffordanceConfig,
+    FeatureConfig,
+    HandConfig,
+    InputError,
+    ProposingConfig,
+    PrototypeConfig,
+    SensingConfig,
+    plain,
+    settings,
+)
+from spgf_torch.experiment.costs import prediction_ms
+from spgf_torch.experiment.describe import Description, Grasps, Steps
+from spgf_torch.experiment.learning import learn_model
+from spgf_torch.experiment.space import Example
+from spgf_torch.experiment.tried import Tried
+from spgf_torch.geometry import se3
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.progress import Stages
+from spgf_torch.proposing.propose import Proposer
+from spgf_torch.reporting.learned import descriptor_of, rings_deg
+
+MESH = trimesh.creation.box((0.05, 0.06, 0.08))
+BRICK = GraspObject("brick", "boxes", MESH, (MESH.vertices,), 0.2, MESH.center_mass, MESH.moment_inertia)
+VOLUMES = {kind: hand_volume([trimesh.creation.box((0.01, 0.01, 0.01))]) for kind in ("NPG", "WPG")}
+DESCRIBE = Description(
+    settings(SensingConfig, width=160, height=120, focal=144),
+    settings(FeatureConfig, descriptor="patch_pairs"),
+    settings(AffordanceConfig, features_per_object=30),
+    VOLUMES,
+    0,
+)
+
+
+@pytest.fixture(scope="module")
+def tried() -> Tried:
+    """Forty poses within 10 cm of the brick, half of each type, half of which succeeded."""
+    generator = torch.Generator().manual_seed(1)
+    grasps = Grasps(se3.random_poses(40, generator, extent=0.1), torch.arange(2).repeat_interleave(20))
+    return Tried(grasps, torch.rand(40, generator=generator) < 0.5)
+
+
+@pytest.fixture(scope="module")
+def model(tried: Tried, tmp_path_factory: pytest.TempPathFactory) -> GraspModel:
+    """Of the brick, as it comes back from disk."""
+    folder = tmp_path_factory.mktemp("model")
+    described = DESCRIBE.describe([BRICK], [tried.grasps], Stages())[0]
+    assert described.relations.shape[1] == 4
+    learned = learn_model([Example(described, tried.success)], described.relations[:3], DESCRIBE.affordance)
+    made = {"sensing": DESCRIBE.sensing, "features": DESCRIBE.features, "affordance": DESCRIBE.affordance}
+    said = {name: plain(values) for name, values in made.items()}
+    said |= {"hand": plain(settings(HandConfig)), "prototypes": plain(settings(PrototypeConfig))}
+    save_model(replace(learned, settings=said), folder)
+    return load_model(folder)
+
+
+def test_a_saved_model_knows_its_descriptor(model: GraspModel) -> None:
+    """Proposals come from pairs of patches without a word: rings of 144 numbers would not fit centres of 4."""
+    assert descriptor_of(model) == "patch_pairs" and model.centres.shape == (3, 4)
+    texlets = Steps(DESCRIBE, BRICK, Grasps(torch.zeros(0, 4, 4), torch.zeros(0, dtype=torch.int64))).texlets
+    proposing = settings(ProposingConfig, point_support=0, hypotheses=60, survivors=20, refined=5, rounds=1)
+    proposals = Proposer.of(model, proposing, VOLUMES).propose(texlets)
+    assert proposals.T_object_tcp.isfinite().all()
+
+
+def test_its_prototypes_are_no_rings(model: GraspModel) -> None:
+    with pytest.raises(InputError, match="expected spgf, whose prototypes are rings, got patch_pairs"):
+        rings_deg(model)
+    old = replace(model, settings={"features": {}})
+    assert descriptor_of(old) == "spgf"
+
+
+def test_a_prediction_takes_time(model: GraspModel, tried: Tried) -> None:
+    assert 0 < prediction_ms(model, DESCRIBE, [BRICK, BRICK], [tried, tried]) < 60_000
+
+
+def test_a_model_card_says_the_descriptor() -> None:
+    from spgf_torch.config import DESCRIPTORS
+    from spgf_torch.evaluation import card
+
+    assert set(card.DESCRIPTORS) == set(DESCRIPTORS)
