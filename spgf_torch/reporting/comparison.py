@@ -98,7 +98,10 @@ def find_rows(runs: Sequence[Run], config: CompareConfig, tell: Tell) -> dict[st
     rows = max(groups.values(), key=_size)
     if others := len(runs) - sum(map(len, rows.values())):
         tell(f"{others} of {len(runs)} runs are no rows of this comparison, or older ones of the same settings")
-    return {name: rows[name] for name in configs if name in rows}
+    lacking = [f"{name} ({n})" for name in configs for n in sorted(rows[config.reference]) if n not in rows[name]]
+    if lacking:
+        tell(f"not run, or not with as many trials as {config.reference}: {', '.join(lacking)}")
+    return {name: rows[name] for name in configs if rows[name]}
 
 
 def baseline_rows(config: CompareConfig, reference: Run, tell: Tell) -> dict[str, dict[int, Run]]:

@@ -23,7 +23,8 @@ def learning_curves(comparison: Comparison) -> Figure:
     The band is the reference's 95 % interval over objects.
     """
     names = ["all", *(name for name in NAMES if name != "all" and name in comparison.random)]
-    rows = list(dict.fromkeys(entry.name for entry in comparison.entries))
+    known = {entry.name for entry in comparison.entries}  # in an order that does not change with the rates
+    rows = sorted(known, key=lambda name: (name != comparison.reference, name))
     looks = {
         row: {"color": METHOD_COLOURS[i % len(METHOD_COLOURS)], "marker": MARKERS[i % len(MARKERS)], "markersize": 4}
         for i, row in enumerate(rows)
