@@ -2,6 +2,7 @@
 
 import json
 import os
+import runpy
 import shutil
 import subprocess
 import sys
@@ -327,3 +328,28 @@ def test_a_model_in_python_gives_the_grasps_of_the_command(small: Path, seen: np
     low = model.predict(texlets, top=5, plane=np.array([0.0, 0.0, 1.0, 10.0]))  # a table 10 m below changes nothing
     assert np.allclose(low[0].T_input_tcp, grasps[0].T_input_tcp)
     assert model.predict(texlets, top=5, plane=np.array([0.0, 0.0, 1.0, -10.0])) == []  # all is below this one
+
+
+def test_moved_points_give_the_same_grasps_moved(small: Path, seen: np.ndarray) -> None:
+    """Nine in ten within 1 mm and 1 deg: rounding may put a neighbour into the next cell of a ring."""
+    model = spgf_torch.load(small / "outputs/train/latest")
+    T = np.array([[0.36, 0.48, -0.8, 0.4], [-0.8, 0.6, 0, -0.3], [0.48, 0.64, 0.6, 0.8], [0, 0, 0, 1]])
+    R, t = T[:3, :3], T[:3, 3]
+    still = model.predict(model.texlets(seen[:, :3], normals=seen[:, 3:]))
+    moved = model.predict(model.texlets(seen[:, :3] @ R.T + t, normals=seen[:, 3:] @ R.T))
+    assert len(still) >= 10
+    found = [any(a.type == b.type and near(T @ a.T_input_tcp, b.T_input_tcp) for b in moved) for a in still]
+    assert np.mean(found) >= 0.9
+    assert near(T @ still[0].T_input_tcp, moved[0].T_input_tcp)
+
+
+def near(a: np.ndarray, b: np.ndarray) -> bool:
+    """Within 1 mm and 1 deg."""
+    cosine = (np.trace(a[:3, :3].T @ b[:3, :3]) - 1) / 2
+    return bool(np.linalg.norm(a[:3, 3] - b[:3, 3]) < 1e-3 and np.degrees(np.arccos(np.clip(cosine, -1, 1))) < 1)
+
+
+def test_the_live_loop_finds_grasps_in_every_frame(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    runpy.run_path(str(ROOT / "docs/live_loop.py"))["main"](str(small / "outputs/train/latest"), 2)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2 and all("texlets" in line and "holds with probability" in line for line in lines)
