@@ -56,7 +56,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
                 campaign = Campaign(journal, Plan(trials, config.chunk, config.failed_as), advance)
                 campaign.run(waiting, runner)
     except OSError as error:
-        kept = f"{journal.trials} candidates are kept there, the same call goes on"
+        kept = f"{journal.trials} candidates are kept there, the same call with out={out} goes on"
         raise IncompleteError(f"{out}: expected room to write, got {error.strerror or error}; {kept}") from error
     tables = _show_rates(out, objects)
     if campaign.trials:
@@ -125,7 +125,9 @@ def _tell(journal: Journal, objects: Sequence[GraspObject]) -> None:
             "incidents": len(journal.incidents),
         }
         words = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
-        raise IncompleteError(f"{words}: {journal.path} says why; the same call tries again what has no outcome")
+        raise IncompleteError(
+            f"{words}: {journal.path} says why; the same call with out={journal.folder} tries again what has no outcome"
+        )
 
 
 if __name__ == "__main__":

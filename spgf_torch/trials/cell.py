@@ -52,7 +52,7 @@ class _Raised:
 class Cell:
     """Calls functions in a process of its own, one at a time; started when it is first needed, and again after a death.
 
-    `call` belongs to one thread; `close` may come from any.
+    `call` and `close` belong to one thread, `kill` may come from any.
     """
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ class Cell:
     def call(self, function: Callable[..., Any], *args: Any) -> Any:
         """`function(*args)`, both found by pickle in the other process.
 
-        Raises CellDiedError where that process ended, CellClosedError where `close` ended it, RuntimeError with the
+        Raises CellDiedError where that process ended, CellClosedError where `kill` ended it, RuntimeError with the
         traceback of the other side where the function raised.
         """
         connection = self._start()
@@ -79,15 +79,18 @@ class Cell:
             raise RuntimeError(answer.lines)
         return answer
 
-    def close(self) -> None:
-        """End the process, whatever it is doing."""
+    def kill(self) -> None:
+        """End the process for good, whatever it is doing."""
         with self._lock:
             self._closed = True
             if self._process is not None:
                 self._process.kill()
-                self._process.wait()
-        if self._connection is not None:
-            self._connection.close()
+
+    def close(self) -> None:
+        """`kill`, and let go of what belongs to the process."""
+        self.kill()
+        if self._process is not None:
+            self._end()
 
     def _start(self) -> Connection:
         with self._lock:

@@ -84,8 +84,10 @@ class Local:
             yield from _by_threads(lambda task: threads.submit(attempt, task), iter(tasks), AHEAD * self.workers)
         finally:
             for cell in cells:
-                cell.close()
+                cell.kill()
             threads.shutdown(cancel_futures=True)
+            for cell in cells:
+                cell.close()
 
 
 class Dask:

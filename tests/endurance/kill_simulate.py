@@ -21,11 +21,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("mug_coffee", "egg", "box_tea")
-CANDIDATES = 100
+CANDIDATES = 40
 
 
 def start(folder: Path, out: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "spgf_torch.simulate", "objects=objects", f"out={out}", "chunk=20"]
+    command = [sys.executable, "-m", "spgf_torch.simulate", "objects=objects", f"out={out}", "chunk=10"]
     return subprocess.Popen(
         [*command, f"candidates={CANDIDATES}"],
         cwd=folder,

@@ -23,7 +23,7 @@ class Calls:
     Attributes:
         objects: what is tried.
         trials: hand and episode; toys have none to speak of.
-        make: what an attempt is; None = physics.
+        attempt: what one is; None = physics.
         candidates: of each type.
     """
 
@@ -46,7 +46,13 @@ class Calls:
         return Origin(obj.name, obj.digest, **{**self.made_with, **changes})
 
     def make(
-        self, out: Path, runner: Runner, chunk: int = 5, failed_as: str | None = None, versions: str = "1"
+        self,
+        out: Path,
+        runner: Runner,
+        chunk: int = 5,
+        failed_as: str | None = None,
+        versions: str = "1",
+        progress: Callable[[int], None] = lambda done: None,
     ) -> tuple[Journal, int]:
         """One call; its journal and how many trials it ran."""
         origins = [self.origin(obj) for obj in self.objects]
@@ -55,7 +61,7 @@ class Calls:
         with journal.open(origins):
             for its in there:
                 journal.done(its)
-            campaign = Campaign(journal, Plan(self.trials, chunk, failed_as, self.attempt or physics))
+            campaign = Campaign(journal, Plan(self.trials, chunk, failed_as, self.attempt or physics), progress)
             waiting = [pair for pair in zip(self.objects, origins, strict=True) if pair[1] not in there]
             campaign.run(waiting, runner)
         return journal, campaign.trials
