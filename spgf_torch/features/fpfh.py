@@ -20,6 +20,8 @@ from spgf_torch.features.spgf import spgf
 # What each of the three histograms sums to in Open3D: 100 of the point itself and 100 of its neighbours.
 OPEN3D_SUM = 200.0
 
+BINS = 33  # of the three together
+
 
 def fpfh(
     positions: Tensor, normals: Tensor, config: FeatureConfig, generator: Generator | None = None
@@ -34,6 +36,8 @@ def fpfh(
     import open3d  # more than a second: only where it is asked for
 
     posed = spgf(positions, normals, config, generator)
+    if len(positions) == 0:  # which Open3D refuses
+        return VectorFeatures(posed.T_object_feature, positions.new_zeros((0, BINS)).float(), posed.valid)
     cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(_array(positions)))
     cloud.normals = open3d.utility.Vector3dVector(_array(normals))
     search = open3d.geometry.KDTreeSearchParamRadius(config.radius)

@@ -45,6 +45,15 @@ def test_shapes_frames_and_the_lonely_one(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", DESCRIPTORS)
+@pytest.mark.parametrize("N", [0, 1, 3])
+def test_too_few_texlets_describe_nothing(name: str, N: int) -> None:
+    """None, one, and three at one place."""
+    found = described(name, torch.zeros(N, 3), torch.eye(3)[:N])
+    assert len(found.relations()) == len(found.valid) == len(found.T_object_feature) == N
+    assert not found.valid.any() and found.relations().isfinite().all()
+
+
+@pytest.mark.parametrize("name", DESCRIPTORS)
 def test_features_turn_with_the_object(name: str) -> None:
     """A share may differ: whatever a descriptor sorts into cells or bins may fall to the other side by rounding."""
     positions, normals = cup()
