@@ -17,12 +17,14 @@ import numpy as np
 from spgf_torch.config import InputError
 from spgf_torch.datasets.common import JOINTS, mesh_file, object_id, write_joints, write_splits
 from spgf_torch.datasets.source import Grasps, TrialSet, grasps_of
-from spgf_torch.exporting.checks import rigid, unreadable
+from spgf_torch.exporting.checks import rigid
 from spgf_torch.exporting.records import Gripper
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.reading import unreadable
 from spgf_torch.trials.table import OUTCOMES, TrialTable
 
 SCALE = 1.0  # the exported meshes are in metres
+LARGEST = 1_000_000_000  # bytes of one data set: eight million poses
 LABEL = "object_in_gripper"
 MOTIONS = tuple(
     f"object_motion_during_{what}_{kind}" for what in ("closing", "shaking") for kind in ("linear", "angular")
@@ -112,8 +114,6 @@ def read_acronym(path: Path) -> AcronymFile:
     try:
         with h5py.File(path, "r") as file:
             known = _values(file)
-    except KeyError as error:
-        raise InputError(f"{path}: expected {what}, got none of its entries: {str(error).strip(chr(34))}") from None
     except (OSError, RuntimeError, ValueError, AttributeError, TypeError) as error:
         raise unreadable(path, what, error) from None
     count = len(known.transforms)
@@ -128,19 +128,32 @@ def read_acronym(path: Path) -> AcronymFile:
 
 
 def _values(file: h5py.File) -> AcronymFile:
-    flex = file["grasps/qualities/flex"]
-    scalars = {name: float(file[f"object/{name}"][()]) for name in SCALARS}
+    flex = "grasps/qualities/flex"
+    scalars = {name: float(_read(file, f"object/{name}")) for name in SCALARS}
     return AcronymFile(
         **scalars,
-        file=file["object/file"][()].decode(),
-        com=file["object/com"][()],
-        inertia=file["object/inertia"][()],
-        gripper=file["gripper/type"][()].decode(),
-        configuration=file["gripper/configuration"][()],
-        transforms=file["grasps/transforms"][()],
-        object_in_gripper=flex[LABEL][()],
-        motions={name: flex[name][()] for name in MOTIONS},
+        file=_read(file, "object/file").decode(),
+        com=_read(file, "object/com"),
+        inertia=_read(file, "object/inertia"),
+        gripper=_read(file, "gripper/type").decode(),
+        configuration=_read(file, "gripper/configuration"),
+        transforms=_read(file, "grasps/transforms"),
+        object_in_gripper=_read(file, f"{flex}/{LABEL}"),
+        motions={name: _read(file, f"{flex}/{name}") for name in MOTIONS},
     )
+
+
+def _read(file: h5py.File, name: str) -> Any:
+    """A data set of this file itself; what claims to be larger than `LARGEST` is not unpacked."""
+    try:
+        known = file[name]
+    except KeyError:
+        raise ValueError(f"nothing under {name}") from None
+    if known.file.filename != file.filename or known.external or known.is_virtual:
+        raise ValueError(f"{name} stands in another file")
+    if known.nbytes > LARGEST:
+        raise ValueError(f"{name} has {known.nbytes} bytes, more than {LARGEST}")
+    return known[()]
 
 
 def _column(group: Any, name: str, values: np.ndarray) -> Any:

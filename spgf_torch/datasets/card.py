@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from spgf_torch.config import CLASSES, GRASP_TYPES, InputError, find, plain, root
-from spgf_torch.datasets.common import mesh_file, read_json
+from spgf_torch.datasets.common import mesh_file
 from spgf_torch.datasets.config import ExportConfig
 from spgf_torch.datasets.source import TrialSet
 from spgf_torch.exporting.checks import entry
+from spgf_torch.reading import json_values
 from spgf_torch.trials.table import OUTCOMES
 
 SCHEMA = 1
@@ -79,7 +80,7 @@ def check_card(folder: Path) -> dict[str, Any]:
     Raises InputError in one line for the first file that is missing, changed, or not on the card.
     """
     path = folder / CARD
-    known = read_json(path, "a dataset card")
+    known = json_values(path, "a dataset card")
     if (got := entry(known, "schema", str(path))) != SCHEMA:
         raise InputError(f"{path}: expected schema {SCHEMA}, got {got!r:.40}")
     listed, found = entry(known, "files", str(path)), checksums(folder)

@@ -16,9 +16,10 @@ from trimesh.exchange.obj import export_obj
 
 from spgf_torch.config import InputError
 from spgf_torch.datasets.source import TrialSet, gripper_frame
-from spgf_torch.exporting.checks import content, entry, joint_values, name, rigid, unreadable
+from spgf_torch.exporting.checks import entry, joint_values, name, rigid
 from spgf_torch.exporting.records import Gripper
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.reading import json_values, text
 from spgf_torch.trials.hand import Hand
 
 SCHEMA = 1
@@ -70,8 +71,8 @@ def write_common(folder: Path, trials: TrialSet, advance: Callable[[int], None])
         taken[object_id(obj)] = obj.name
         path = folder / mesh_file(obj)
         path.parent.mkdir(parents=True, exist_ok=True)
-        text = export_obj(obj.mesh, include_normals=False, include_color=False, include_texture=False, digits=DIGITS)
-        path.write_text(text)
+        content = export_obj(obj.mesh, include_normals=False, include_color=False, include_texture=False, digits=DIGITS)
+        path.write_text(content)
         cloud = np.concatenate([texlets.positions.numpy(), texlets.normals.numpy()], axis=1)
         (folder / CLOUDS).mkdir(exist_ok=True)
         np.save(folder / CLOUDS / f"{obj.name}.npy", cloud.astype(np.float32))
@@ -126,20 +127,12 @@ def write_joints(path: Path, gripper: Gripper) -> None:
 
 def read_joints(path: Path) -> GripperJoints:
     """The sidecar. Raises InputError in one line for a file that is missing, cut off or another."""
-    known = read_json(path, "the joints of a gripper")
+    known = json_values(path, "the joints of a gripper")
     if (got := entry(known, "schema", str(path))) != SCHEMA:
         raise InputError(f"{path}: expected schema {SCHEMA}, got {got!r:.40}")
     joints, closed = (joint_values(entry(known, key, str(path)), f"{path}: {key}") for key in ("joints", "closed"))
     poses = (rigid(entry(known, key, str(path)), f"{path}: {key}") for key in ("T_gripper_base", "T_gripper_tcp"))
     return GripperJoints(name(entry(known, "gripper", str(path)), f"{path}: gripper"), joints, closed, *poses)
-
-
-def read_json(path: Path, what: str) -> Any:
-    """A JSON file that should be `what`."""
-    try:
-        return json.loads(content(path, what))
-    except (ValueError, RecursionError) as error:
-        raise unreadable(path, what, error) from None
 
 
 def write_splits(folder: Path, trials: TrialSet, line: Callable[[GraspObject], str]) -> None:
@@ -148,12 +141,12 @@ def write_splits(folder: Path, trials: TrialSet, line: Callable[[GraspObject], s
         (folder / f"fold{fold}").mkdir(parents=True)
         for word, chosen in (("train", trials.fold != fold), ("valid", trials.fold == fold)):
             lines = [line(obj) for obj, belongs in zip(trials.objects, chosen, strict=True) if belongs]
-            (folder / f"fold{fold}" / f"{word}.txt").write_text("".join(f"{text}\n" for text in lines))
+            (folder / f"fold{fold}" / f"{word}.txt").write_text("".join(f"{entry}\n" for entry in lines))
 
 
 def read_split(path: Path) -> list[str]:
     """The lines of a split."""
-    return [line for line in content(path, "a list of objects").splitlines() if line]
+    return [line for line in text(path, "a list of objects").splitlines() if line]
 
 
 def _words(values: np.ndarray) -> str:

@@ -95,8 +95,8 @@ def _exchange(part: Path, out: Path) -> None:
         libc = ctypes.CDLL(None, use_errno=True)
         done = libc.renameat2(AT_FDCWD, os.fsencode(part), AT_FDCWD, os.fsencode(out), RENAME_EXCHANGE)
         if done != 0:
-            code = ctypes.get_errno()
-            raise OSError(code, f"{os.strerror(code)}: this file system cannot exchange two folders in one step")
+            reason = os.strerror(ctypes.get_errno())
+            raise OSError(0, f"cannot exchange it with the new one in one step: {reason}; remove it first")
     else:
         part.rename(out)
     with suppress(OSError):  # some network file systems cannot flush a folder

@@ -18,11 +18,12 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from spgf_torch.config import InputError
-from spgf_torch.datasets.common import HAND, mesh_file, read_json, rounded, write_splits
+from spgf_torch.datasets.common import HAND, mesh_file, rounded, write_splits
 from spgf_torch.datasets.source import Grasps, TrialSet, grasps_of, gripper_frame
-from spgf_torch.exporting.checks import content, entries, entry, name, number, rigid, unreadable, vector
+from spgf_torch.exporting.checks import entries, entry, name, number, rigid, vector
 from spgf_torch.exporting.records import Gripper
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.reading import json_values, yaml_values
 
 OFFSET = "transform_offset_from_asset_to_graspgen_convention"
 
@@ -96,7 +97,7 @@ def gripper_yaml(gripper: Gripper) -> str:
 
 def read_graspgen(path: Path) -> GraspgenFile:
     """The grasps of one file. Raises InputError in one line for a file that is missing, cut off or another."""
-    return grasps_of_json(read_json(path, "grasps in GraspGen's format"), str(path))
+    return grasps_of_json(json_values(path, "grasps in GraspGen's format"), str(path))
 
 
 def grasps_of_json(known: Any, where: str) -> GraspgenFile:
@@ -119,11 +120,7 @@ def grasps_of_json(known: Any, where: str) -> GraspgenFile:
 
 def read_gripper(path: Path) -> GraspgenGripper:
     """The gripper YAML. Raises InputError in one line for a file that is missing, cut off or another."""
-    what = "a gripper in GraspGen's format"
-    try:
-        known = yaml.safe_load(content(path, what))
-    except (yaml.YAMLError, ValueError) as error:
-        raise unreadable(path, what, error) from None
+    known = yaml_values(path, "a gripper in GraspGen's format")
     width, depth = (number(entry(known, key, str(path)), f"{path}: {key}", 0.0) for key in ("width", "depth"))
     offset = entries(entry(known, OFFSET, str(path)), f"{path}: {OFFSET}")
     if len(offset) != 2:

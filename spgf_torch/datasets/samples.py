@@ -24,7 +24,8 @@ from spgf_torch.config import CLASSES, GRASP_TYPES, InputError
 from spgf_torch.datasets import tar
 from spgf_torch.datasets.config import SamplesConfig
 from spgf_torch.datasets.source import TrialSet
-from spgf_torch.exporting.checks import entry, unreadable
+from spgf_torch.exporting.checks import entry
+from spgf_torch.reading import json_of, unreadable
 from spgf_torch.trials.table import OUTCOMES
 
 CLOUD, ABOUT = "cloud.npy", "json"
@@ -106,12 +107,8 @@ def read_samples(path: Path) -> Iterator[Sample]:
     """The samples of one shard. Raises InputError in one line for a shard that is missing, cut off or has others."""
     for key, files in tar.samples(path):
         where = f"{path}: {key}"
-        try:
-            cloud = np.load(io.BytesIO(entry(files, CLOUD, where)), allow_pickle=False)
-            about = json.loads(entry(files, ABOUT, where))
-        except (ValueError, EOFError, OSError) as error:
-            raise unreadable(Path(where), "a cloud and what is known of it", error) from None
-        yield Sample(key, _checked_cloud(cloud, where), *_checked_about(about, where))
+        about = json_of(entry(files, ABOUT, where), Path(where), "what is known of a sample")
+        yield Sample(key, _cloud(entry(files, CLOUD, where), where), *_checked_about(about, where))
 
 
 def _clouds(trials: TrialSet, chosen: np.ndarray, config: SamplesConfig, rng: np.random.Generator) -> np.ndarray:
@@ -146,9 +143,20 @@ def _npy_header(cloud: np.ndarray) -> bytes:
     return buffer.getvalue()[: -cloud.nbytes]
 
 
-def _checked_cloud(cloud: np.ndarray, where: str) -> np.ndarray:
-    if not isinstance(cloud, np.ndarray) or cloud.ndim != 2 or cloud.shape[1] != 3 or cloud.dtype != np.float32:
-        raise InputError(f"{where}: {CLOUD}: expected (P, 3) float32, got {getattr(cloud, 'shape', 'no array')}")
+def _cloud(content: bytes, where: str) -> np.ndarray:
+    """The array of a .npy; its header is believed only as far as there are bytes."""
+    stream = io.BytesIO(content)
+    try:
+        version = np.lib.format.read_magic(stream)
+        shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
+    except ValueError as error:
+        raise unreadable(Path(where), f"{CLOUD}, a .npy file", error) from None
+    rest = content[stream.tell() :]
+    if version != (1, 0) or dtype != np.float32 or fortran or len(shape) != 2 or shape[1] != 3:
+        raise InputError(f"{where}: {CLOUD}: expected (P, 3) float32, got {shape} {dtype}")
+    if len(rest) != shape[0] * 3 * dtype.itemsize:
+        raise InputError(f"{where}: {CLOUD}: expected {shape[0]} points, got {len(rest)} bytes")
+    cloud = np.frombuffer(rest, np.float32).reshape(shape)
     if not np.isfinite(cloud).all():
         raise InputError(f"{where}: {CLOUD}: expected finite points, got NaN or infinite ones")
     return cloud

@@ -12,11 +12,12 @@ from pathlib import Path
 
 from spgf_torch.config import InputError
 from spgf_torch.datasets import tar
-from spgf_torch.datasets.common import mesh_file, read_json, write_splits
+from spgf_torch.datasets.common import mesh_file, write_splits
 from spgf_torch.datasets.graspgen import GraspgenFile, grasps_of_json, grasps_text
 from spgf_torch.datasets.source import TrialSet, grasps_of
-from spgf_torch.exporting.checks import entry, unreadable, whole
+from spgf_torch.exporting.checks import entry, whole
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.reading import json_of, json_values
 
 INDEX, MAP, GRASPS = "uuid_index.json", "map_uuid_to_path.json", "grasps.json"
 IN_SHARD = 20  # objects and grippers: GraspGen's reader searches a shard from its beginning
@@ -55,7 +56,7 @@ def read_shards(folder: Path) -> dict[str, GraspgenFile]:
     Raises InputError in one line for an index or a shard that is missing, cut off or another, and for a uuid that is
     not in the shard that the index names.
     """
-    index = read_json(folder / INDEX, "an index of shards")
+    index = json_values(folder / INDEX, "an index of shards")
     if not isinstance(index, dict):
         raise InputError(f"{folder / INDEX}: expected uuids and shards, got {index!r:.40}")
     found: dict[str, GraspgenFile] = {}
@@ -63,10 +64,7 @@ def read_shards(folder: Path) -> dict[str, GraspgenFile]:
         path = folder / shard_name(number)
         for key, files in tar.samples(path):
             where = f"{path}: {key}"
-            try:
-                known = json.loads(entry(files, GRASPS, where))
-            except (ValueError, RecursionError) as error:
-                raise unreadable(Path(where), "grasps in GraspGen's format", error) from None
+            known = json_of(entry(files, GRASPS, where), Path(where), "grasps in GraspGen's format")
             if index.get(key) == number:
                 found[key] = grasps_of_json(known, where)
     if missing := index.keys() - found.keys():

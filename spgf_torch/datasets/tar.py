@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 from spgf_torch.config import InputError
-from spgf_torch.exporting.checks import unreadable
+from spgf_torch.reading import unreadable
 
+LARGEST = 64_000_000  # bytes of one file in a shard; the grasps of an object, 160 bytes each
 END = 2 * tarfile.BLOCKSIZE  # bytes of zeros that end a tar
 
 
@@ -73,9 +74,12 @@ def _members(path: Path) -> Iterator[tuple[str, bytes]]:
     try:
         with tarfile.open(path, "r:") as tar:
             for member in tar:
-                content = tar.extractfile(member) if member.isreg() else None
-                if content is None:
-                    raise InputError(f"{path}: expected files, got {member.name!r:.80}, which is none")
+                content = tar.extractfile(member) if member.isreg() and not member.issparse() else None
+                if content is None or member.size > LARGEST:
+                    got = "which is none" if content is None else f"of {member.size} bytes"
+                    raise InputError(
+                        f"{path}: expected files of at most {LARGEST} bytes, got {member.name!r:.80}, {got}"
+                    )
                 yield member.name, content.read()
     except (tarfile.TarError, OSError, ValueError, EOFError) as error:
         raise unreadable(path, "a WebDataset shard", error) from None

@@ -1,8 +1,10 @@
 """The grasp of `small_trials`, worked out by hand, through every format: for strangers, and through our readers."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import h5py
@@ -96,6 +98,45 @@ def test_acronym_is_read_back(trials: TrialSet, tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
         read_acronym(path)
     assert "cup-b" in refusal(error.value) and "ACRONYM" in refusal(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("object/mass", None, "object/mass"),
+        ("object/mass", h5py.ExternalLink("other.h5", "/object/mass"), "object/mass"),
+        ("grasps/transforms", np.ones((2, 4, 4)), "rotation"),
+        ("grasps/transforms", np.ones((2, 3, 4)), "N poses"),
+        ("grasps/qualities/flex/object_in_gripper", np.array([1, 2]), "0 and 1"),
+        ("grasps/qualities/flex/object_in_gripper", np.array([1]), "N poses"),
+    ],
+)
+def test_acronym_refuses(name: str, value: Any, words: str, trials: TrialSet, tmp_path: Path) -> None:
+    write_acronym(tmp_path / "acronym", trials, nothing)
+    path = tmp_path / "acronym/claw_NPG/boxes_box-a_1.0.h5"
+    with h5py.File(path, "a") as file:
+        del file[name]
+        if value is not None:
+            file[name] = value
+    with pytest.raises(InputError, match=words) as error:
+        read_acronym(path)
+    assert "box-a" in refusal(error.value)
+
+
+def test_acronym_makes_no_room_for_what_is_not_there(trials: TrialSet, tmp_path: Path) -> None:
+    write_acronym(tmp_path / "acronym", trials, nothing)
+    path = tmp_path / "acronym/claw_NPG/boxes_box-a_1.0.h5"
+    with h5py.File(path, "a") as file:
+        del file["grasps/transforms"]
+        file.create_dataset("grasps/transforms", (10**12, 4, 4), np.float64, chunks=(1, 4, 4))
+        shutil.copy(path, tmp_path / "other.h5")
+    with pytest.raises(InputError, match="128000000000000 bytes"):
+        read_acronym(path)
+    with h5py.File(path, "a") as file:
+        del file["object/mass"]
+        file["object/mass"] = h5py.ExternalLink(str(tmp_path / "other.h5"), "/object/mass")
+    with pytest.raises(InputError, match="another file"):
+        read_acronym(path)
 
 
 def test_graspgen(trials: TrialSet, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import io
 import json
 import tarfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import webdataset
 from small_trials import T_OBJECT_TCP, nothing, refusal, small_trials
 
 from spgf_torch.config import InputError
+from spgf_torch.datasets import tar
 from spgf_torch.datasets.config import SamplesConfig
 from spgf_torch.datasets.samples import grasp_clouds, read_samples, write_samples
 from spgf_torch.datasets.source import TrialSet
@@ -110,8 +112,8 @@ class Shards(torch.utils.data.IterableDataset):
 
     def __iter__(self):
         for path in self.paths:
-            with tarfile.open(path) as tar:
-                files = {member.name: tar.extractfile(member).read() for member in tar}
+            with tarfile.open(path) as shard:
+                files = {member.name: shard.extractfile(member).read() for member in shard}
             for name in files:
                 if name.endswith(".json"):
                     cloud = np.load(io.BytesIO(files[name.replace(".json", ".cloud.npy")]))
@@ -137,19 +139,52 @@ def test_a_shard_cut_anywhere_is_told(shards: Path, tmp_path: Path) -> None:
         list(read_samples(tmp_path / "none.tar"))
 
 
+ABOUT = {"type": "NPG", "label": 1, "outcome": "success", "object": "a", "class": "boxes", "fold": 0, "index": 0}
+
+
+def npy(array: np.ndarray) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+CLOUD = npy(np.zeros((5, 3), np.float32))
+
+
 @pytest.mark.parametrize(
-    ("name", "content", "words"),
+    ("cloud", "about", "words"),
     [
-        ("a.json", b'{"type": "NPG"}', ["cloud.npy"]),
-        ("a.cloud.npy", b"not an array", ["a"]),
-        ("noending", b"", ["KEY.ENDING", "noending"]),
+        (None, ABOUT, ["cloud.npy"]),
+        (b"not an array", ABOUT, ["cloud.npy"]),
+        (npy(np.zeros((5, 3))), ABOUT, ["(P, 3) float32", "float64"]),
+        (npy(np.full((5, 3), np.nan, np.float32)), ABOUT, ["finite"]),
+        (CLOUD.replace(b"(5, 3), ", b"(9000000000000, 3), "), ABOUT, ["cloud.npy"]),  # no room is made for it
+        (CLOUD[:-4], ABOUT, ["5 points"]),
+        (CLOUD, {**ABOUT, "label": 2}, ["label", "got 2"]),
+        (CLOUD, {**ABOUT, "outcome": "held"}, ["outcome", "got 'held'"]),
+        (CLOUD, {"type": "NPG"}, ["label"]),
+        (CLOUD, [[]], ["keys and values"]),
     ],
 )
-def test_other_tars_are_told(name: str, content: bytes, words: list[str], tmp_path: Path) -> None:
-    with tarfile.open(tmp_path / "other.tar", "w") as tar:
-        member = tarfile.TarInfo(name)
-        member.size = len(content)
-        tar.addfile(member, io.BytesIO(content))
+def test_other_samples_are_told(cloud: bytes | None, about: Any, words: list[str], tmp_path: Path) -> None:
+    files = {"a.json": json.dumps(about).encode()} | ({} if cloud is None else {"a.cloud.npy": cloud})
+    with tar.written(tmp_path / "other.tar") as shard:
+        for name, content in files.items():
+            tar.add(shard, name, content)
     with pytest.raises(InputError) as error:
         list(read_samples(tmp_path / "other.tar"))
-    assert all(word in refusal(error.value) for word in ["other.tar", *words])
+    assert all(word in refusal(error.value) for word in ["other.tar", *words]), error.value
+
+
+def test_other_tars_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "other.tar"
+    member = tarfile.TarInfo("a.json")
+    for kind, size, words in ((tarfile.SYMTYPE, 0, "none"), (tarfile.REGTYPE, tar.LARGEST + 1, "64000001")):
+        member.type, member.size = kind, size
+        path.write_bytes((member.tobuf() + bytes(20 * 512))[: tarfile.RECORDSIZE])
+        with pytest.raises(InputError, match=words):
+            list(read_samples(path))
+    with tar.written(path) as shard:
+        tar.add(shard, "noending", b"")
+    with pytest.raises(InputError, match=r"KEY.ENDING, each once, got 'noending'"):
+        list(read_samples(path))
