@@ -82,6 +82,8 @@ def find_rows(runs: Sequence[Run], config: CompareConfig, tell: Tell) -> dict[st
     Raises InputError where there is none of the reference.
     """
     configs = committed()
+    if config.reference not in configs:
+        raise InputError(f"reference: expected one of conf/comparison ({', '.join(configs)}), got {config.reference}")
     varied = {key for values in configs.values() for key in values} | {TRIALS} | CLUSTERS
     groups: dict[Settings, dict[str, dict[int, Run]]] = defaultdict(lambda: defaultdict(dict))
     for run in runs:

@@ -109,6 +109,8 @@ def test_other_runs_are_left_to_others(runs: Path) -> None:
 def test_without_the_reference_the_command_is_named(runs: Path) -> None:
     with pytest.raises(InputError, match=r"conf/comparison/spgf.yaml with K = 20 \(python -m spgf_torch.train -m"):
         found(runs, K=20)
+    with pytest.raises(InputError, match=r"reference: expected one of conf/comparison \(fpfh, .*\), got magic"):
+        found(runs, reference="magic")
 
 
 def test_rates_differences_and_order(runs: Path) -> None:
