@@ -23,6 +23,7 @@ from yaml import YAMLError
 from spgf_torch.config import IncompleteError, InputError, one_line, plain, root, typed
 from spgf_torch.multirun import Multirun
 from spgf_torch.progress import console
+from spgf_torch.reading import reason
 
 T = TypeVar("T")
 
@@ -43,7 +44,10 @@ def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
     refused: list[InputError | IncompleteError] = []
     multirun = Multirun.of(command)
 
+    started = []
+
     def task(composed: DictConfig) -> None:
+        started.append(command)
         if HydraConfig.get().mode == RunMode.MULTIRUN:
             multirun.job(lambda: _in_run_folder(composed, kind, run))
             return
@@ -67,7 +71,13 @@ def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
     except BrokenPipeError:  # `... | head` has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
+    except (ValueError, RecursionError) as error:  # what Hydra's parser lets through: `=3`, hundreds of brackets
+        if started:
+            raise
+        fail(command, InputError(f"{' '.join(sys.argv[1:])[:80]}: expected key=value, got {reason(error)}"))
     except OSError as error:
+        if not started and error.filename:  # Hydra makes the run's folder
+            fail(command, InputError(f"{error.filename}: expected a folder for the run, got {error.strerror}"))
         if error.errno not in FULL:
             raise
         print(f"{command}: {error.filename or Path('outputs').absolute()}: {error.strerror}", file=sys.stderr)
@@ -125,9 +135,11 @@ def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path],
         with suppress(OSError):  # the disk may be full
             point_latest(folder)
         raise
-    except BaseException:
+    except BaseException as error:
         if {path.name for path in folder.iterdir()} <= {"config.yaml"}:  # nothing done yet that would be lost
             shutil.rmtree(folder)
+        if isinstance(error, OSError) and error.errno in FULL:
+            raise IncompleteError(f"{error.filename or folder}: {error.strerror}") from error
         raise
     point_latest(folder)
     return folder

@@ -482,6 +482,9 @@ _WORDS = {
     r"^Value '(.*)' of type '\w+' could not be converted to (\w+)$": r"expected a value of type \2, got \1",
     r"^Incompatible value '(.*)' for field of type '(\w+)'$": r"expected a value of type \2, got \1",
     r"^Cannot convert '(\w+)' to string: '(.*)'$": r"expected text, got \2",
+    r"^field '(\w+)' is not Optional$": r"\1: expected a value, got none",
+    r"^Object of unsupported type: '(\w+)'$": r"expected keys and values, got \1",
+    r"^Invalid type assigned: \w+ is not a subclass of (\w+)\. value: (.*)$": r"expected keys of \1, got \2",
     r"^Key '(.*)' not in '(\w+)'$": r"expected a key of \2, got \1",
 }
 

@@ -27,6 +27,7 @@ MOST_NODES = 1_000_000  # of a YAML document with every alias written out
 LONGEST_REASON = 120  # characters of a library's own words
 # Bytes of a Parquet column chunk beyond those of its rows: a dictionary of words, statistics.
 CHUNK = 1 << 20
+LONGEST_WORD = 200
 WIDEST = 64  # bytes of one value in a column
 
 
@@ -175,20 +176,29 @@ def _member(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo, most: i
 def parquet_table(path: Path, what: str, columns: Sequence[str] | None, most: int) -> pa.Table:
     """Columns (None: all) of a Parquet file that should be `what`, of `most` rows at most.
 
-    Columns that the file lacks are left out. Its footer says how large the rows are before any is unpacked.
+    Columns that the file lacks are left out. Its footer says how large the rows are before any is unpacked; text stays
+    a dictionary of words until these are known to be short, and what carries checksums is held to them.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
-        with pq.ParquetFile(existing(path), memory_map=True) as file:
-            about = file.metadata
+        with pq.ParquetFile(existing(path)) as file:
+            about, schema = file.metadata, file.schema_arrow
             if about.num_rows > most:
                 raise InputError(f"{path}: expected {what} of at most {most} rows, got {about.num_rows}")
-            wanted = [name for name in file.schema_arrow.names if columns is None or name in columns]
+            wanted = [name for name in schema.names if columns is None or name in columns]
             for group in range(about.num_row_groups):
                 _check_chunks(path, what, about.row_group(group), wanted)
-            return file.read(wanted)
+        texts = [entry.name for entry in schema if pa.types.is_string(entry.type) or pa.types.is_binary(entry.type)]
+        with pq.ParquetFile(path, read_dictionary=texts, page_checksum_verification=True) as file:
+            content = file.read(wanted)
+        for name, values in zip(content.column_names, content.columns, strict=True):
+            words = [chunk.dictionary for chunk in values.chunks if pa.types.is_dictionary(chunk.type)]
+            longest = max((len(str(word)) for some in words for word in some.to_pylist()), default=0)
+            if longest > LONGEST_WORD:
+                raise InputError(f"{path}: {name}: expected words of {LONGEST_WORD} letters at most, got {longest}")
+        return content
     except InputError:
         raise
     except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
@@ -199,6 +209,8 @@ def _check_chunks(path: Path, what: str, group: Any, wanted: Sequence[str]) -> N
     for i in range(group.num_columns):
         chunk = group.column(i)
         name = chunk.path_in_schema.split(".")[0]
+        if name in wanted and chunk.num_values > group.num_rows:
+            raise InputError(f"{path}: {name}: expected one value a row, got {chunk.num_values} in {group.num_rows}")
         if name in wanted and chunk.total_uncompressed_size > group.num_rows * WIDEST + CHUNK:
             raise InputError(
                 f"{path}: expected {what}, got {chunk.total_uncompressed_size} bytes in {group.num_rows} rows of {name}"

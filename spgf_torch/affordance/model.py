@@ -191,10 +191,10 @@ def _read_json(path: Path) -> dict[str, Any]:
     for key, kind in _SETTINGS.items():
         try:
             config: Any = typed(kind, document["settings"][key])
+            if kind is AffordanceConfig and document["lattice"] != (made := _lattice_section(lattice_of(config))):
+                raise InputError(f"expected the lattice {made}, got {document['lattice']}")
         except InputError as error:
             raise InputError(f"{path}: settings.{key}: {error}") from None
-        if isinstance(config, AffordanceConfig) and document["lattice"] != _lattice_section(lattice_of(config)):
-            raise InputError(f"{path}: expected the lattice of settings.affordance, got {document['lattice']}")
     return document
 
 

@@ -100,6 +100,7 @@ class Kinematics:
         try:
             self.chain = pk.build_chain_from_urdf(urdf).to(dtype=torch.float64)
             self.robot = pk.urdf.URDF.from_xml_string(urdf)
+            self.root = self.robot.get_root()
         except Exception as error:  # the parser raises whatever its XML library does
             raise unreadable(path, "a URDF of a hand", error) from None
         self.path, self.config = path, config
@@ -120,8 +121,9 @@ class Kinematics:
             raise InputError(f"hand.openings: expected one for {min(absent)}, got none")
         wanted = {finger.pad_link for finger in fingers}
         named = set(self.fixed) | {name for finger in fingers for name in (finger.proximal, finger.distal) if name}
-        if self.config.base_link != (root := self.robot.get_root()):
-            raise InputError(f"hand.base_link: expected {root}, the root of {self.path}; got {self.config.base_link}")
+        if self.config.base_link != self.root:
+            got = self.config.base_link
+            raise InputError(f"hand.base_link: expected {self.root}, the root of {self.path}; got {got}")
         for kind, missing in (("link", wanted - links), ("joint", named - joints)):
             if missing:
                 raise InputError(f"{self.path}: expected a {kind} named {min(missing)}, got none")
@@ -214,6 +216,13 @@ def _origin(origin: Any) -> np.ndarray:
 
 def _shape(urdf: Path, collision: Any) -> trimesh.Trimesh:
     """A collision element as a closed convex mesh in its own frame, as SAPIEN sees it."""
+    mesh = _solid(urdf, collision)
+    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
+        raise InputError(f"{urdf}: expected collision shapes of finite size, got another")
+    return mesh
+
+
+def _solid(urdf: Path, collision: Any) -> trimesh.Trimesh:
     geometry = collision.geometry
     if hasattr(geometry, "size"):
         return trimesh.creation.box(geometry.size)

@@ -171,4 +171,4 @@ def test_one_line(case: Case, model_known: None, capsys: pytest.CaptureFixture) 
         file = case.changes.get(key)
         if isinstance(file, str) and not Path(file).exists() and case.write is not nothing:
             case.write(Path(file))
-    refused("predict", case.changes, case.words, capsys)
+    refused("predict", case.changes, (*case.words, "expected", "got"), capsys)

@@ -104,7 +104,7 @@ def spread(scale: float) -> np.ndarray:
 PLY = [
     ("no header", raw(b"hello"), "header"),
     ("header without end", raw(b"ply\nformat ascii 1.0\nelement vertex 3\n"), "end_header"),
-    ("header of a megabyte", raw(b"ply\nformat ascii 1.0\n" + b"comment a\n" * 100_000 + b"end_header\n"), "end_header"),
+    ("header of a megabyte", raw(b"ply\n" + b"comment a\n" * 100_000 + b"end_header\n"), "end_header"),
     ("no vertices", ply(body=b""), "none"),
     ("zero vertices", ply(*vertices(0)), "none"),
     ("a trillion vertices", ply(*vertices(HUGE)), "at most"),
@@ -257,7 +257,7 @@ ALL = [
     Case("an unknown suffix", {"input": "cloud.las"}, raw(b"LASF"), ("las",)),
     Case("no suffix", {"input": "cloud"}, raw(b"1 2 3"), ("suffix",)),
     Case("viewpoints in words", {"input": "cloud.npy", "viewpoints": "abc"}, npy(POINTS), ("viewpoints",)),
-    Case("viewpoints beyond float", {"input": "cloud.npy", "viewpoints": [[10**400, 0, 0]]}, npy(POINTS), ("viewpoints",)),
+    Case("viewpoints beyond float", {"input": "a.npy", "viewpoints": [[10**400, 0, 0]]}, npy(POINTS), ("viewpoints",)),
     Case("neither normals nor viewpoints", {"input": "cloud.npy"}, npy(POINTS), ("viewpoints",)),
     Case("crop box upside down", {"input": "cloud.npy", "crop_low": [1, 1, 1], "crop_high": [0, 0, 0], **INPUT},
          npy(POINTS), ("crop_low",)),
@@ -270,4 +270,4 @@ ALL = [
 def test_one_line(case: Case, model_known: None, capsys: pytest.CaptureFixture) -> None:
     if case.write is not nothing:
         case.write(Path(case.changes["input"]))
-    refused("predict", case.changes, case.words, capsys)
+    refused("predict", case.changes, (*case.words, "expected", "got"), capsys)
