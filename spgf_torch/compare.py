@@ -30,8 +30,10 @@ def run(config: CompareConfig, folder: Path) -> None:
 
     write_text(folder / "comparison.md", markdown(comparisons))
     write_text(folder / "comparison.csv", long_csv(comparisons))
-    write_bytes(folder / "learning_curve.png", png(drawn(learning_curves(comparisons[0]))))
-    for content in terminal(comparisons[0]):
+    for comparison in comparisons:
+        name = "learning_curve" if comparison is comparisons[0] else f"learning_curve_{comparison.ranking}"
+        write_bytes(folder / f"{name}.png", png(drawn(learning_curves(comparison))))
+    for content in terminal(comparisons):
         show(content)
     show(f"tables and learning curve in {folder}")
 

@@ -30,13 +30,13 @@ def learning_curves(comparison: Comparison) -> Figure:
         for i, row in enumerate(rows)
     }
     with mpl.rc_context(LETTERS):
-        width, height = 0.8 + 2.35 * len(names), 3.4
+        width, height = 0.95 + 2.35 * len(names), 3.4
         figure = Figure(figsize=(width, height))
-        figure.subplots_adjust(0.6 / width, 0.55 / height, 1 - 0.1 / width, 1 - 0.7 / height, wspace=0.08)
+        figure.subplots_adjust(0.75 / width, 0.55 / height, 1 - 0.1 / width, 1 - 0.7 / height, wspace=0.08)
         axes = figure.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]
         for axis, name in zip(axes, names, strict=True):
             _panel(axis, comparison, name, looks)
-        axes[0].set_ylabel(f"{KIND} success-rate (%)")
+        axes[0].set_ylabel(f"{KIND} success-rate (%)\nranking {comparison.ranking}")
         axes[0].set_ylim(-3, 103)
         figure.supxlabel("trials of each type on each training object", fontsize=9, y=0.02)
         handles = [Line2D([], [], linewidth=1.6, label=row, **look) for row, look in looks.items()]  # type: ignore[arg-type]

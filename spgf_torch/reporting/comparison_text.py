@@ -108,8 +108,9 @@ def long_csv(comparisons: Sequence[Comparison]) -> str:
     return text.getvalue()
 
 
-def terminal(comparison: Comparison) -> list[Table | str]:
-    """What fits 100 columns: CG with its interval and difference, costs, the curve, and the verdicts."""
+def terminal(comparisons: Sequence[Comparison]) -> list[Table | str]:
+    """The first ranking's rates, costs and verdicts, in 100 columns, and what the others say of all objects."""
+    comparison = comparisons[0]
     rates = _terminal_table(
         f"Success-rate (%) by {comparison.ranking}, {comparison.trials} trials of each type an object"
     )
@@ -134,7 +135,8 @@ def terminal(comparison: Comparison) -> list[Table | str]:
         spent.add_column(head, justify="right" if head else "left", no_wrap=True)
     for entry in comparison.table:
         spent.add_row(entry.name, *costs(entry.costs))
-    return [rates, spent, *verdicts(comparison)]
+    others = [f"by {c.ranking}: {verdict(c.table, c.reference, 'all', 'CG')}" for c in comparisons[1:]]
+    return [rates, spent, *verdicts(comparison), *others]
 
 
 def _line(entry: Entry, name: str, kind: str) -> list[str]:
