@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from omegaconf import MISSING
+
 from spgf_torch.config import InputError, ObjectsConfig, SensingConfig, bounded, text
 
 FORMATS = ("acronym", "graspgen", "webdataset", "isaac", "graspnet")
@@ -27,7 +29,7 @@ class ExportConfig(ObjectsConfig):
     format: Any = text()
     trials: str = text()
     out: str | None = text()
-    overwrite: bool = field(default=False)
+    overwrite: bool = MISSING
     folds: int = bounded(2, 50)
     seed: int = bounded(0, 2**31 - 1)
     license: str | None = text()

@@ -1,4 +1,4 @@
-"""A data set is there as a whole or not at all, whatever happens; the card knows every file."""
+"""A data set is there as a whole or not at all, whatever happens."""
 
 import subprocess
 import sys
