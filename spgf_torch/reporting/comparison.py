@@ -148,14 +148,17 @@ def _entries(rows: Mapping[str, Mapping[int, Run]], config: CompareConfig, ranki
     spent = costs_of([run for runs in rows.values() for run in runs.values()])
     entries = []
     for name, trials, run in ((name, n, run) for name, runs in rows.items() for n, run in runs.items()):
-        own, change = _own(run, ranking), None
+        change, reference = None, rows[config.reference].get(trials)
         try:
-            if (reference := rows[config.reference].get(trials)) is not None and reference is not run:
-                change = _change(run, reference, ranking, config)
+            if ranking not in run.by_ranking:
+                raise InputError(f"expected rates by the ranking {ranking}, got {', '.join(run.by_ranking)}")
+            if reference is not None and reference is not run:
+                mine, theirs = _ranked(run, ranking), _ranked(reference, ranking)
+                change = difference(mine, theirs, ranking, config.bootstrap, config.seed)
         except InputError as error:
-            tell(f"left out: {run.folder.name}: {error}")
+            tell(f"left out of the ranking {ranking}: {name}, {run.folder.name}: {error}")
             continue
-        rates, bounds = run.by_ranking[own], run.interval95[own]
+        rates, bounds = run.by_ranking[ranking], run.interval95[ranking]
         entries.append(Entry(name, trials, run, rates, bounds, change, spent[run.stamp]))
     return entries
 
@@ -167,18 +170,6 @@ def _chance(run: Run, config: CompareConfig) -> tuple[Block, Bounds]:
     interval = bootstrap_interval(classes, rates, config.bootstrap, config.seed)
     bounds = {name: {kind: (low, high) for kind, (low, high) in row.items()} for name, row in interval.items()}
     return class_means(classes, rates), bounds
-
-
-def _change(run: Run, reference: Run, ranking: str, config: CompareConfig) -> Difference:
-    """The paired difference to the reference with as many trials."""
-    own = _own(run, ranking)
-    mine = [replace(row, rates={ranking: row.rates[own]}) for row in _ranked(run, own)]
-    return difference(mine, _ranked(reference, ranking), ranking, config.bootstrap, config.seed)
-
-
-def _own(run: Run, ranking: str) -> str:
-    """The ranking, or the only one that a network has."""
-    return ranking if ranking in run.by_ranking else next(iter(run.by_ranking))
 
 
 def _ranked(run: Run, ranking: str) -> list[ObjectRow]:

@@ -193,10 +193,9 @@ def test_costs_are_of_the_run_that_made_what_others_read(runs: Path) -> None:
 
 
 def test_the_learned_baseline_joins(runs: Path, tmp_path: Path) -> None:
-    """A network has a ranking of its own; runs of other data are left out."""
+    """A network has no votes to rank as the paper does; runs of other data are left out."""
     made = row(tmp_path / "baseline", "spgf", skill=5.0)
-    for name in ("paper", "log_odds", "log_odds_free", "nested"):
-        without_ranking(made, name)
+    without_ranking(made, "paper")
     other = row(tmp_path / "baseline", "fpfh", dataset="d2")
     rows, _ = found(runs)
     lines: list[str] = []
@@ -206,7 +205,9 @@ def test_the_learned_baseline_joins(runs: Path, tmp_path: Path) -> None:
     assert list(learned) == ["learned"] and list(learned["learned"]) == [1000] and len(lines) == 1
     result = compare({**rows, **learned}, settings, "nested", lines.append)
     entry = next(entry for entry in result.table if entry.name == "learned")
-    assert entry.rates == entry.run.by_ranking["calibrated"] and entry.change is not None
+    assert entry.rates == entry.run.by_ranking["nested"] and entry.change is not None
+    assert "learned" not in {e.name for e in compare({**rows, **learned}, settings, "paper", lines.append).entries}
+    assert "left out of the ranking paper: learned" in lines[-1]
     reference = replace(rows["spgf"][1000], dataset="d3")
     assert baseline_rows(settings, reference, lines.append) == {}
     assert baseline_rows(config(baseline=str(tmp_path / "no")), reference, lines.append) == {}
