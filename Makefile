@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
-.PHONY: train test check bench trials clean
+.PHONY: train test check bench fuzz trials clean
 train: $(READY)
 	$(BIN)/python -m spgf_torch.train +K=20
 
@@ -32,3 +32,9 @@ clean:
 # The committed trial table, from nothing (a quarter of an hour on two cores).
 trials: $(READY)
 	$(BIN)/python -m spgf_torch.simulate out=data/trials
+
+# Readers of files, with changed bytes, for so many seconds (tests/fuzz).
+FUZZ_SECONDS ?= 300
+fuzz: $(READY)
+	$(BIN)/python -m pip install --quiet --editable '.[fuzz]'
+	$(BIN)/python tests/fuzz/readers.py $(FUZZ_SECONDS)
