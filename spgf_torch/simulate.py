@@ -12,7 +12,7 @@ from rich.markup import escape
 
 from spgf_torch.cli import door
 from spgf_torch.config import IncompleteError, InputError, SimulateConfig, plain
-from spgf_torch.progress import Stages, console, show
+from spgf_torch.progress import Stages, show
 
 if TYPE_CHECKING:
     from spgf_torch.objects.grasp_object import GraspObject
@@ -108,7 +108,9 @@ def _show_rates(out: Path, objects: Sequence[GraspObject]) -> int:
 
 
 def _tell(journal: Journal, objects: Sequence[GraspObject]) -> None:
-    """What went wrong, a line each; IncompleteError if anything did."""
+    """What went wrong, a line each. Raises IncompleteError if anything did."""
+    from spgf_torch.progress import console  # not above: submitit pickles this module's globals, a console has locks
+
     entries = {obj.name: journal.objects.get(obj.name, {}) for obj in objects}
     failed = [f"{name}: {entry['reason']}" for name, entry in entries.items() if "reason" in entry]
     stood_for = sum(len(entry.get("failures", [])) for entry in entries.values() if entry.get("state") == "done")

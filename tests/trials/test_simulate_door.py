@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from hydra import compose, initialize_config_dir
+from joblib.externals import cloudpickle
 from omegaconf import OmegaConf
 
 from spgf_torch import simulate
@@ -137,3 +138,12 @@ def test_simulate_as_slurm_array_jobs() -> None:
         composed = compose("simulate", ["hydra/launcher=slurm", "out=table", "shard=1/4"], return_hydra_config=True)
     assert composed.hydra.launcher["_target_"].endswith("SlurmLauncher") and composed.shard == "1/4"
     assert OmegaConf.to_container(composed.hydra, resolve=False)["launcher"]["name"] == "spgf-${hydra.job.name}"
+
+
+def test_what_submitit_pickles() -> None:
+    """A door runs as __main__, whose functions travel with all globals that they use."""
+    cloudpickle.register_pickle_by_value(simulate)
+    try:
+        assert cloudpickle.dumps(simulate.run)
+    finally:
+        cloudpickle.unregister_pickle_by_value(simulate)
