@@ -18,6 +18,9 @@ from spgf_torch.reporting.table1 import COLUMNS, NAMES
 # What the verdict is given for: CG of all objects and of each class, and each type over all objects.
 VERDICTS = (("all", "CG"), *((name, "CG") for name in NAMES if name != "all"), *(("all", kind) for kind in GRASP_TYPES))
 
+# Rates are sums of tenths: a bound of 0 may come out as the rounding of floats.
+ROUNDING = 1e-9
+
 CAUTION = (
     "Intervals are 95 % bootstraps over objects, not corrected for their number; seeds of sensing and k-means are not "
     "in them. Training: features, particles, prototypes and voting of all folds with their inner "
@@ -41,7 +44,7 @@ def verdict(entries: Sequence[Entry], reference: str, name: str, kind: str) -> s
             continue
         low, high = entry.change.interval95[name][kind]
         words = f"{entry.name} ({_change(entry, name, kind)})"
-        (ahead if low > 0 else behind if high < 0 else open_).append(words)
+        (ahead if low > ROUNDING else behind if high < -ROUNDING else open_).append(words)
     told = [
         f"better than {reference}: {', '.join(ahead)}" if ahead else "",
         f"worse: {', '.join(behind)}" if behind else "",

@@ -151,7 +151,7 @@ def test_a_run_whose_objects_cannot_be_read_is_told(runs: Path) -> None:
 
 def test_the_verdict_follows_from_the_intervals() -> None:
     """Ahead where the whole interval is above 0, behind where it is below, else not told apart."""
-    intervals = {"up": (0.001, 0.041), "down": (-0.08, -0.01), "touching": (0.0, 0.05), "wide": (-0.1, 0.1)}
+    intervals = {"up": (0.001, 0.041), "down": (-0.08, -0.01), "touching": (1e-17, 0.05), "wide": (-0.1, 0.1)}
 
     def entry(name: str, low: float, high: float) -> Entry:
         change = Difference(50, {"all": {"CG": (low + high) / 2}}, {"all": {"CG": (low, high)}})
