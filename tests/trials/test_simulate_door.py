@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 from hydra import compose, initialize_config_dir
-from joblib.externals import cloudpickle
 from omegaconf import OmegaConf
 
 from spgf_torch import simulate
@@ -142,6 +141,7 @@ def test_simulate_as_slurm_array_jobs() -> None:
 
 def test_what_submitit_pickles() -> None:
     """A door runs as __main__, whose functions travel with all globals that they use."""
+    cloudpickle = pytest.importorskip("cloudpickle")
     cloudpickle.register_pickle_by_value(simulate)
     try:
         assert cloudpickle.dumps(simulate.run)
