@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -83,8 +84,12 @@ def read_scene(config: SceneConfig, sensing: SensingConfig, generator: np.random
 
 
 def texlets_of(cloud: Cloud, config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator) -> Texlets:
-    """The texlets of one point cloud in m; see `scene_of_clouds`."""
-    return scene_of_clouds([cloud], config, sensing, generator).texlets
+    """The texlets of one point cloud in m; see `scene_of_clouds`. What that warns of is a UserWarning here."""
+    scene = scene_of_clouds([cloud], config, sensing, generator)
+    for note in scene.notes:
+        if note.startswith("warning: "):
+            warnings.warn(note.removeprefix("warning: "), stacklevel=2)
+    return scene.texlets
 
 
 def scene_of_clouds(
@@ -105,7 +110,7 @@ def scene_of_clouds(
     notes.append(f"voxels of {config.voxel:g} m: {sum(map(len, clouds))} points of {read}")
     clouds, plane = without_table(clouds, config, generator, notes)
     before = sum(map(len, clouds))
-    clouds = [oriented(cloud, config) for cloud in clouds]
+    clouds = [oriented(cloud, config, notes) for cloud in clouds]
     dropped = before - sum(map(len, clouds))
     if 2 * dropped > before:
         raise InputError(

@@ -84,15 +84,15 @@ def same(a: Proposals, b: Proposals) -> bool:
 
 def test_one_and_two_threads_rank_alike(model: GraspModel, proposer: Proposer, threads: None) -> None:
     torch.set_num_threads(1)
-    one, scored, centres = proposer.propose(bowl()), scores(model, bowl())[0], prototypes(0)
+    one, scored, centres = proposer.propose(bowl(120)), scores(model, bowl(120))[0], prototypes(0)
     torch.set_num_threads(2)
-    two, again, centres_again = proposer.propose(bowl()), scores(model, bowl())[0], prototypes(0)
+    two, again, centres_again = proposer.propose(bowl(120)), scores(model, bowl(120))[0], prototypes(0)
     assert len(one) > 5 and same(one, two)
     assert torch.equal(scored, again) and torch.equal(centres, centres_again)
 
 
 def prototypes(seed: int) -> torch.Tensor:
-    texlets = bowl()
+    texlets = bowl(120)
     relations = spgf(texlets.positions, texlets.normals, FEATURES).relations()
     return fit_prototypes(relations, settings(PrototypeConfig, num_clusters=3, restarts=1), seed)
 
@@ -192,5 +192,5 @@ def test_degenerate_geometry_goes_all_the_way(name: str, model: GraspModel, prop
 def test_too_little_to_learn_from_is_said(name: str) -> None:
     """All features alike: no two prototypes."""
     relations = spgf(DEGENERATE[name].positions[:1], DEGENERATE[name].normals[:1], FEATURES).relations()
-    with pytest.raises(InputError, match="prototypes: expected at least K = 2 features that differ, got [01]$"):
+    with pytest.raises(InputError, match=r"prototypes: expected at least K = 2 features that differ, got [01]$"):
         fit_prototypes(relations, settings(PrototypeConfig, num_clusters=2, restarts=1), 0)

@@ -40,7 +40,7 @@ def pose_of(position: np.ndarray, quaternion: np.ndarray) -> torch.Tensor:
 
 def pcd(cloud: np.ndarray, kind: str) -> bytes:
     n = len(cloud)
-    head = f"VERSION 0.7\nFIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {n}\nHEIGHT 1\nPOINTS {n}\nDATA {kind}\n"
+    head = f"FIELDS x y z\nSIZE 8 8 8\nTYPE F F F\nWIDTH {n}\nHEIGHT 1\nPOINTS {n}\nDATA {kind}\n"
     rows = "\n".join(" ".join(map(repr, row)) for row in cloud.tolist()).encode()
     return head.encode() + (rows if kind == "ascii" else cloud.astype("<f8").tobytes())
 
@@ -150,7 +150,7 @@ def test_the_table_is_found_in_any_frame(position: np.ndarray, quaternion: np.nd
     """A square of 0.5 m with a pile on it: the same plane, turned, the pile above."""
     rng = np.random.default_rng(0)
     flat = np.column_stack([rng.uniform(-0.25, 0.25, (300, 2)), rng.normal(0, 0.001, 300)])
-    pile = rng.uniform(-0.04, 0.04, (60, 3)) + [0, 0, 0.08]
+    pile = rng.uniform(-0.04, 0.04, (60, 3)) + np.array([0, 0, 0.08])
     T = pose_of(position, quaternion).numpy()
     scene = np.concatenate([flat, pile]) @ T[:3, :3].T + T[:3, 3]
     plane = find_plane(scene, None, room(SceneConfig), np.random.default_rng(0))

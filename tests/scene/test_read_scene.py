@@ -204,7 +204,7 @@ def test_a_depth_image_of_another_size_than_its_camera() -> None:
 
 @pytest.mark.parametrize("given", [None, [], 3, ["a.ply", 4]])
 def test_input_must_be_files(given: object) -> None:
-    with pytest.raises(InputError, match="input: expected .*, got"):
+    with pytest.raises(InputError, match=r"input: expected .*, got"):
         read_scene(settings(SceneConfig, input=given), SENSING, np.random.default_rng(0))
 
 

@@ -1,5 +1,7 @@
 """Estimated normals against surfaces whose normals are known; their side; what is refused."""
 
+import re
+
 import numpy as np
 import pytest
 import torch
@@ -13,6 +15,17 @@ from spgf_torch.scene.scene import texlets_of
 CONFIG, SENSING = settings(SceneConfig), settings(SensingConfig)
 AWAY = np.array([0.1, 0.0, 0.2])  # the ball's centre
 Oriented = tuple[np.ndarray, np.ndarray]
+
+
+def test_points_that_no_viewpoint_sees_are_warned_of(ball: tuple[np.ndarray, np.ndarray]) -> None:
+    """A whole ball and one viewpoint: nearly half of it lies behind; with one on either side, nothing does."""
+    notes: list[str] = []
+    oriented(Cloud(ball[0], None, np.array([[0.1, 0.0, 1.0]]), "ball.npy"), CONFIG, notes)
+    assert len(notes) == 1 and re.match(r"warning: ball\.npy: [345]\d% of the points lie behind", notes[0])
+    notes.clear()
+    oriented(Cloud(ball[0], None, np.array([[0.1, 0.0, 1.0], [0.1, 0.0, -1.0]])), CONFIG, notes)
+    oriented(Cloud(ball[0][ball[1][:, 2] > 0.2], None, np.array([[0.1, 0.0, 1.0]])), CONFIG, notes)
+    assert not notes
 
 
 def test_principal_normals_equal_a_slow_loop(rng: np.random.Generator) -> None:
