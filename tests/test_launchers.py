@@ -5,10 +5,10 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from doors import python
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
@@ -49,11 +49,7 @@ if __name__ == "__main__":
 
 
 def call(*arguments: str, cwd: Path) -> subprocess.CompletedProcess:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "120"}
-    environment.pop("OMP_NUM_THREADS", None)  # launchers see to threads
-    return subprocess.run(
-        [sys.executable, *arguments], cwd=cwd, env=environment, capture_output=True, text=True, timeout=200
-    )
+    return python(*arguments, cwd=cwd, OMP_NUM_THREADS=None)  # launchers see to threads
 
 
 def runs(cwd: Path) -> list[Path]:

@@ -1,6 +1,5 @@
 """`python -m spgf_torch.report` from the outside: every file it leaves, and the page in a real browser."""
 
-import os
 import re
 import shutil
 import subprocess
@@ -8,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from doors import call
 
 sys.path.insert(0, str(Path(__file__).parent / "reporting"))
 from report_runs import write_run
@@ -39,10 +39,8 @@ console.info(`views drawn: ${document.querySelectorAll(".view .gl-container canv
 </script>"""
 
 
-def call(*overrides: str, cwd: Path) -> subprocess.CompletedProcess:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "100", "PYTHONWARNINGS": "default"}
-    command = [sys.executable, "-m", "spgf_torch.report", *overrides]
-    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=200)
+def report(*overrides: str, cwd: Path) -> subprocess.CompletedProcess:
+    return call("report", *overrides, cwd=cwd, COLUMNS="100", PYTHONWARNINGS="default")
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +54,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess
     write_run(runs / "2026-01-01_00-00-00.500000_d", K=10, model=False, dataset="other")
     write_run(runs / "2026-01-01_00-00-03.000000_e", K=3, model=False)
     (runs / "2026-01-01_00-00-03.000000_e/results.json").unlink()
-    return folder / "outputs/report/latest", call(*SMALL, cwd=folder)
+    return folder / "outputs/report/latest", report(*SMALL, cwd=folder)
 
 
 def test_every_file_is_there_and_nothing_half_written(
@@ -104,7 +102,7 @@ def test_a_browser_opens_the_page_without_errors(
     ("overrides", "words"), [(["runs=nowhere"], ["runs", "nowhere"]), (["worst=0"], ["worst", "1 to 100", "got 0"])]
 )
 def test_unusable_input_is_one_line(overrides: list[str], words: list[str], tmp_path: Path) -> None:
-    done = call(*overrides, cwd=tmp_path)
+    done = report(*overrides, cwd=tmp_path)
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
     assert all(word in done.stderr for word in words)
     assert not list(tmp_path.glob("outputs/report/*"))

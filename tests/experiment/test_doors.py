@@ -1,11 +1,9 @@
 """Every command from the outside: one tiny run each, what it leaves, and what it says to bad input."""
 
 import json
-import os
 import runpy
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
+from doors import call
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
@@ -51,19 +50,6 @@ TINY = [
     "prototypes.subsample=1000",
     "inner_grasps=200",
 ]
-
-
-def call(command: str, *overrides: str, cwd: Path) -> subprocess.CompletedProcess:
-    """Run a door in `cwd`; a warning there is an error, but for those that libraries' own imports cause."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "120"}
-    return subprocess.run(
-        [sys.executable, "-m", f"spgf_torch.{command}", *overrides],
-        cwd=cwd,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=200,
-    )
 
 
 def composed(command: str, *overrides: str) -> Any:

@@ -213,6 +213,7 @@ def fuzz(seconds: int) -> None:
     corpus.mkdir()
     for number, (name, (_, _, seeds)) in enumerate(READERS.items()):
         for i, content in enumerate(seeds()):
+            call(name, content, folder)  # what it imports is not its time
             (corpus / f"{name}-{i}").write_bytes(bytes([number]) + content)
     warnings.simplefilter("ignore")  # numbers that overflow are no findings
 

@@ -1,0 +1,1 @@
+"""Makes `tests/` importable: what test files of several rooms share stands in `doors.py`."""
