@@ -63,7 +63,10 @@ def children() -> list[int]:
 def main() -> None:
     total = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
     workers = int(sys.argv[2]) if len(sys.argv) > 2 else 2
-    objects = load_objects(root() / "data/objects")[::5]
+    begun = time.process_time()
+    objects = load_objects(root() / "data/objects")
+    reading = 1e3 * (time.process_time() - begun) / len(objects)
+    objects = objects[::5]
     candidates = total // (2 * len(objects))
     trials, sampler = Trials(load_hand(settings(HandConfig)), settings(EpisodeConfig)), settings(SamplerConfig)
     pairs = [(obj, origin(obj, trials, sampler, candidates, 0)) for obj in objects]
@@ -98,6 +101,7 @@ def main() -> None:
         "caller MB at the end": lines[-1]["caller MB"],
         "table bytes/candidate": tables / done,
         "shard bytes/candidate": journal.bytes_ / done,
+        "ms to read an object": reading,
         "ms/shard": 1e3 * journal.seconds / journal.shards,
     }
     print(json.dumps({key: round(value, 2) for key, value in found.items()}, indent=1))
