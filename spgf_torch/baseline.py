@@ -1,0 +1,54 @@
+"""`python -m spgf_torch.baseline`: a network that judges grasps from sensed points, in the experiment of `train`."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from spgf_torch.baselines.config import BaselineConfig, check_network
+from spgf_torch.cli import door
+from spgf_torch.config import NESTED
+from spgf_torch.progress import Stages, console, show
+
+NO_PROTOTYPES = 0  # the K of a network
+
+
+def run(config: BaselineConfig, folder: Path) -> None:
+    """Train a network a fold on the samples of an export, judge novel objects; write results and networks."""
+    check_network(config.network)
+
+    from spgf_torch.baselines.costs import costs
+    from spgf_torch.baselines.data import origin_of, read_data, usable_device
+    from spgf_torch.baselines.fit import has_tensorboard
+    from spgf_torch.baselines.folds import novel_objects, run_folds
+    from spgf_torch.baselines.work import claimed, hand_over
+    from spgf_torch.evaluation.files import write_json, write_per_object
+    from spgf_torch.evaluation.results import build_results
+    from spgf_torch.evaluation.tables import calibration_line, chosen_line, results_table
+
+    device, start, stages = usable_device(config.device), time.perf_counter(), Stages()
+    data = read_data(config, device, stages)
+    if not has_tensorboard():
+        console.print("baseline: logs as CSV alone (for TensorBoard: pip install 'spgf-torch[baselines]')")
+    origin = origin_of(data, config)
+    with claimed(Path(config.checkpoints).expanduser(), origin) as work:
+        judged = run_folds(data, config, work, origin, stages)
+        novel = novel_objects(data, judged, config.N)
+        described: Any = SimpleNamespace(**vars(config), K=NO_PROTOTYPES)
+        results = build_results(novel, described, data.digest)
+        results["costs"] = costs(data, judged, config, work, stages.seconds["reading"])
+        write_per_object(folder / "per_object.csv", novel, config.N)
+        seconds = {**stages.seconds, "total": time.perf_counter() - start}
+        write_json(folder / "results.json", {**results, "seconds": seconds})
+        hand_over(work, folder)
+    table = results_table(results, list(dict.fromkeys([config.ranking, NESTED])))
+    table.title = f"Success-rate (%) of the {config.N} highest-ranked grasps on novel objects, by a network"
+    for content in (table, chosen_line(results), calibration_line(results)):
+        show(content)
+    show(f"results, networks, logs and settings in {folder}")
+
+
+if __name__ == "__main__":
+    door("baseline", BaselineConfig, run)

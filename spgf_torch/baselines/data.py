@@ -1,0 +1,106 @@
+"""Objects, trials, sensed collisions and training samples together, as the settings name them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from spgf_torch.affordance.model import check_device
+from spgf_torch.baselines.config import BaselineConfig
+from spgf_torch.baselines.samples import Samples, load_samples, open_export, shards_of
+from spgf_torch.cache import Cache, fingerprint, program
+from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, plain, settings
+from spgf_torch.evaluation.folds import stratified_folds
+from spgf_torch.experiment.describe import Description, Steps
+from spgf_torch.experiment.tried import Tried, dataset_digest, open_hand, tried_grasps
+from spgf_torch.objects.folders import read_objects
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.progress import Stages
+
+AUTO = "auto"  # device: the GPU, if there is one
+
+
+@dataclass(frozen=True)
+class Data:
+    """All that is known of the objects, in their order.
+
+    Attributes:
+        fold: (objects,) int, where each is novel.
+        collides: of each (G,) bool, a sensed point inside the open hand.
+        taught: of each the rows (C,) int64 of `samples` that may teach.
+        describe: how the objects are sensed, and the hand.
+    """
+
+    objects: Sequence[GraspObject]
+    tried: Sequence[Tried]
+    fold: np.ndarray
+    collides: Sequence[Tensor]
+    samples: Samples
+    taught: Sequence[Tensor]
+    describe: Description
+
+    def of(self, i: int, rows: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Types, sensed collisions and outcomes of some rows of an object."""
+        own, tried = rows - self.samples.start[i], self.tried[i]
+        return tried.grasps.grasp_type[own], self.collides[i][own], tried.success[own]
+
+    @property
+    def digest(self) -> str:
+        """Names objects and trials, as in the results of `train`."""
+        return dataset_digest(self.objects, self.tried)
+
+
+def usable_device(name: str) -> str:
+    """The device that the settings name. Raises InputError where torch has none of this name here."""
+    known = ("cuda" if torch.cuda.is_available() else "cpu") if name == AUTO else name
+    check_device(known)
+    return known
+
+
+def read_data(config: BaselineConfig, device: str, stages: Stages) -> Data:
+    """Everything that the settings name; the samples are on `device`.
+
+    Raises InputError in one line for objects, trials or an export that cannot be used, or do not belong together.
+    """
+    cache = Cache.open(config.cache, config.cache_gb)
+    objects = read_objects(config, stages, cache).objects
+    fold = stratified_folds([obj.category for obj in objects], config.folds, config.seed)
+    folder, radius = open_export(config, objects, fold)
+    shards = shards_of(folder, config.folds)
+    tried = tried_grasps(objects, config)  # type: ignore[arg-type]  # it needs what both settings have
+    volumes = open_hand(config.hand)
+    features, affordance = settings(FeatureConfig), settings(AffordanceConfig)  # not used: no feature is asked for
+    describe = Description(config.sensing, features, affordance, volumes, config.seed, "cpu", cache)
+    collides = []
+    with stages.stage("collisions", len(objects), "objects") as advance:
+        for obj, each in zip(objects, tried, strict=True):
+            collides.append(Steps(describe, obj, each.grasps).collides)
+            advance(1)
+    with stages.stage("reading", len(shards), "shards") as advance:
+        samples = load_samples(shards, radius, objects, tried, fold, advance).to(device)
+    taught = taught_rows(tried, samples.start, config.trials_per_object, config.seed)
+    return Data(objects, tried, fold, collides, samples, taught, describe)
+
+
+def origin_of(data: Data, config: BaselineConfig) -> str:
+    """Names all that the networks depend on."""
+    learned = [plain(part) for part in (config.network, config.augment, config.learning)]
+    device = data.samples.cloud.device.type
+    made = program("spgf_torch.baselines.folds")
+    return fingerprint(made, data.digest, data.samples.cloud, data.fold, *data.taught, *learned, config.seed, device)
+
+
+def taught_rows(tried: Sequence[Tried], start: Sequence[int], count: int, seed: int) -> list[Tensor]:
+    """Of each object the rows of at most `count` grasps of each type: those that `train` takes."""
+    generator = torch.Generator().manual_seed(seed)
+    rows = []
+    for each, first in zip(tried, start, strict=False):
+        order = torch.randperm(len(each.success), generator=generator)
+        kind = each.grasps.grasp_type[order]
+        drawn = [order[kind == code][:count] for code in range(len(GRASP_TYPES))]
+        rows.append(first + torch.cat(drawn).sort().values)
+    return rows

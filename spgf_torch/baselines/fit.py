@@ -1,0 +1,125 @@
+"""One network trained to its end, or on from where a call that was killed had come to."""
+
+from __future__ import annotations
+
+import logging
+import os
+import pickle
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import torch
+from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
+from lightning.pytorch import Trainer
+from lightning.pytorch.callbacks import EarlyStopping, ModelCheckpoint
+from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
+from lightning.pytorch.plugins.environments import LightningEnvironment
+
+from spgf_torch.baselines.module import LOSS, GraspJudge
+
+LAST, BEST, LOGS = "last.ckpt", "best.ckpt", "logs"
+
+# About a class of torch's that Lightning 2.6 uses, and about files that are meant to be there after a resumption.
+EXPECTED_WARNINGS = (
+    r"`isinstance\(treespec, LeafSpec\)` is deprecated",
+    r"Experiment logs directory .* exists and is not empty",
+    r"Checkpoint directory .* exists and is not empty",
+)
+
+
+class WholeCheckpoints(TorchCheckpointIO):
+    """Checkpoints that are there as a whole or not at all, whenever the process is killed."""
+
+    def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any | None = None) -> None:
+        part = f"{path}.part"
+        super().save_checkpoint(checkpoint, part, storage_options)
+        with Path(part).open("rb") as file:
+            os.fsync(file.fileno())
+        Path(part).replace(path)
+
+
+def has_tensorboard() -> bool:
+    """Whether logs can be written for TensorBoard."""
+    return find_spec("tensorboard") is not None
+
+
+def fit(make: Callable[[], GraspJudge], folder: Path) -> GraspJudge:
+    """The module as it was at its best epoch.
+
+    `folder` keeps `last.ckpt` and `best.ckpt` after every epoch, and `logs`. It goes on from there if they are of the
+    same origin; others are overwritten.
+
+    Args:
+        make: a module that has learned nothing, the same at every call.
+    """
+    with _quiet():
+        module = make()
+        resumed = _of_origin(folder / LAST, module.origin)
+        if resumed is None or not _finished(resumed, module):
+            _trainer(module, folder).fit(module, ckpt_path=folder / LAST if resumed else None, weights_only=True)
+        else:
+            module.seconds = float(resumed["seconds"])
+    best = torch.load(folder / BEST, map_location=module.task.samples.cloud.device, weights_only=True)
+    module.load_state_dict(best["state_dict"])
+    return module.to(module.task.samples.cloud.device).eval()
+
+
+def _trainer(module: GraspJudge, folder: Path) -> Trainer:
+    device = module.task.samples.cloud.device
+    loggers: list[Logger] = [CSVLogger(folder, name=LOGS, version="csv")]
+    if has_tensorboard():
+        loggers.append(TensorBoardLogger(folder, name=LOGS, version="tensorboard"))
+    learning = module.task.learning
+    return Trainer(
+        accelerator="gpu" if device.type == "cuda" else device.type,
+        devices=1 if device.index is None else [device.index],
+        max_epochs=learning.epochs,
+        reload_dataloaders_every_n_epochs=1,
+        num_sanity_val_steps=0,
+        log_every_n_steps=1,  # what is logged is logged an epoch
+        logger=loggers,
+        callbacks=[
+            EarlyStopping(LOSS, patience=learning.patience),
+            ModelCheckpoint(folder, "best", LOSS, save_last=True, enable_version_counter=False),
+        ],
+        enable_model_summary=False,
+        enable_progress_bar=False,
+        plugins=[LightningEnvironment(), WholeCheckpoints()],  # one process, also where a cluster's variables are set
+    )
+
+
+def _of_origin(path: Path, origin: str) -> dict[str, Any] | None:
+    """The checkpoint, if it is there, whole, and of this origin."""
+    if not path.is_file():
+        return None
+    try:
+        found = torch.load(path, map_location="cpu", weights_only=True)
+    except (pickle.UnpicklingError, EOFError, RuntimeError):
+        return None
+    return found if isinstance(found, dict) and found.get("origin") == origin else None
+
+
+def _finished(checkpoint: dict[str, Any], module: GraspJudge) -> bool:
+    """Whether it was killed behind the last epoch: Lightning would go on for another one."""
+    states = [state for name, state in checkpoint["callbacks"].items() if name.startswith(EarlyStopping.__name__)]
+    stopped = any(state["wait_count"] >= state["patience"] for state in states)
+    return stopped or int(checkpoint["epoch"]) + 1 >= module.task.learning.epochs
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without Lightning's notes on hardware and tips, and without the warnings that are expected."""
+    logger = logging.getLogger("lightning.pytorch")
+    level = logger.level
+    logger.setLevel(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            for message in EXPECTED_WARNINGS:
+                warnings.filterwarnings("ignore", message=message)
+            yield
+    finally:
+        logger.setLevel(level)

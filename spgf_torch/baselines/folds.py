@@ -1,0 +1,186 @@
+"""The cross-validation of `train` with a network in the place of descriptor and votes, kept fold by fold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import load_file, save
+from torch import Tensor
+
+from spgf_torch.affordance.calibration import Calibration, fit_calibration, uncalibrated
+from spgf_torch.affordance.ranking import COLLIDING
+from spgf_torch.baselines.config import BaselineConfig
+from spgf_torch.baselines.data import Data
+from spgf_torch.baselines.fit import BEST, LAST, fit
+from spgf_torch.baselines.module import GraspJudge, Task
+from spgf_torch.baselines.pointnet import PointNet, judge
+from spgf_torch.baselines.samples import Samples
+from spgf_torch.config import GRASP_TYPES, NESTED, InputError
+from spgf_torch.evaluation.files import write_bytes
+from spgf_torch.evaluation.folds import stratified_order
+from spgf_torch.evaluation.novel import Novel
+from spgf_torch.evaluation.success import top_n
+from spgf_torch.geometry import se3
+from spgf_torch.progress import Stages, console
+
+MODEL, JUDGED = "model.safetensors", "judged.safetensors"
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What the network of a fold says.
+
+    Attributes:
+        novel, inner: object -> logits (G,) f32: of all grasps of novel objects, of those that may teach of inner ones.
+        base_rate: (types,) of the training objects. seconds: of its epochs.
+    """
+
+    novel: dict[int, Tensor]
+    inner: dict[int, Tensor]
+    base_rate: Tensor
+    seconds: float
+
+
+def inner_split(
+    classes: Sequence[str], fold: np.ndarray, test: int, share: float, seed: int
+) -> tuple[list[int], list[int]]:
+    """Training objects of the fold `test` that teach, and those that stop and calibrate: about `share`, by class.
+
+    Raises InputError where there are not two of them.
+    """
+    train = np.flatnonzero(fold != test).tolist()
+    if len(train) < 2:
+        raise InputError(f"objects: expected two at least to learn from in every fold, got {len(train)}")
+    order = [train[at] for at in stratified_order([classes[i] for i in train], seed).tolist()]
+    count = min(max(1, round(share * len(order))), len(order) - 1)
+    return sorted(order[count:]), sorted(order[:count])
+
+
+def run_folds(data: Data, config: BaselineConfig, work: Path, origin: str, stages: Stages) -> dict[int, Judged]:
+    """Fold -> what its network says. What is finished is kept in `work`, and taken from there."""
+    tests = np.unique(data.fold).tolist()
+    with stages.stage("learning", len(tests) * config.learning.epochs, "epochs") as advance:
+        found = {}
+        for test in tests:
+            told = 0
+
+            def tell() -> None:
+                nonlocal told
+                told += 1
+                advance(1)
+
+            found[test] = run_fold(data, config, test, work / f"fold{test}", f"{origin} {test}", tell)
+            advance(config.learning.epochs - told)
+    return found
+
+
+def run_fold(
+    data: Data, config: BaselineConfig, test: int, folder: Path, origin: str, tell: Callable[[], None]
+) -> Judged:
+    """Train a network without the objects of the fold `test`, and let it judge them and the inner ones."""
+    classes = [obj.category for obj in data.objects]
+    teach, inner = inner_split(classes, data.fold, test, config.learning.inner_share, config.seed)
+    novel = np.flatnonzero(data.fold == test).tolist()
+    taught = torch.cat([data.taught[i] for i in teach])
+    if not (folder / JUDGED).is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        watched = _sampled([data.taught[i] for i in inner], config.learning.inner_grasps, config.seed)
+        task = Task(data.samples, taught, watched, config.augment, config.learning, config.seed + test)
+
+        def make() -> GraspJudge:
+            generator = torch.Generator().manual_seed(config.seed + test)
+            return GraspJudge(PointNet(config.network, data.samples.radius, generator), task, origin, tell)
+
+        module = fit(make, folder)
+        _keep(
+            module, data.samples, [*(data.samples.rows([i]) for i in novel), *(data.taught[i] for i in inner)], folder
+        )
+        console.print(f"fold {test}: learned from {len(teach)} objects in {module.seconds:.0f} s")
+    kept = load_file(folder / JUDGED)
+    sizes = [*(len(data.tried[i].success) for i in novel), *(len(data.taught[i]) for i in inner)]
+    logits = dict(zip([*novel, *inner], kept["logit"].split(sizes), strict=True))
+    kind, held = data.samples.grasp_type.cpu()[taught], data.samples.success.cpu()[taught].float()
+    rates = torch.stack([held[kind == code].mean() for code in range(len(GRASP_TYPES))]).nan_to_num()
+    return Judged({i: logits[i] for i in novel}, {i: logits[i] for i in inner}, rates, float(kept["seconds"]))
+
+
+def _sampled(rows: Sequence[Tensor], count: int, seed: int) -> Tensor:
+    """At most `count` of each object's rows, drawn at random."""
+    generator = torch.Generator().manual_seed(seed)
+    return torch.cat([own[torch.randperm(len(own), generator=generator)[:count]] for own in rows])
+
+
+def _keep(module: GraspJudge, samples: Samples, rows: Sequence[Tensor], folder: Path) -> None:
+    """Write the network, then what it says of some rows; checkpoints are no longer needed."""
+    device = samples.cloud.device
+    chosen = torch.cat(list(rows)).to(device)
+    logit = judge(module.network, samples.cloud[chosen], samples.grasp_type[chosen]).cpu()
+    if not logit.isfinite().all():
+        raise InputError(
+            f"learning.rate: expected one at which the network stays finite, got {module.task.learning.rate:g}"
+        )
+    state = {name: tensor.cpu().contiguous() for name, tensor in module.network.state_dict().items()}
+    write_bytes(folder / MODEL, save(state))
+    write_bytes(folder / JUDGED, save({"logit": logit, "seconds": torch.tensor(module.seconds, dtype=torch.float64)}))
+    for name in (LAST, BEST):
+        (folder / name).unlink(missing_ok=True)
+
+
+def scores(logit: Tensor, grasp_type: Tensor, collides: Tensor, calibration: Calibration) -> dict[str, Tensor]:
+    """Every ranking's score (G,) of an object's grasps, higher is better: name of `config.RANKINGS` -> (G,) f32.
+
+    Those of `affordance.ranking` that a network has: `log_odds`, its logit, is on top of the base rate of the type;
+    in `log_odds_free` sensed collisions come last; `calibrated` is the probability of success.
+    """
+    return {
+        "calibrated": calibration.probability(logit, grasp_type, collides),
+        "log_odds": logit,
+        "log_odds_free": logit + COLLIDING * collides,
+    }
+
+
+def calibrated(data: Data, judged: Judged, n: int) -> tuple[Calibration, str]:
+    """Calibration and choice of the ranking, both on the inner objects of a fold; the first ranking of equals.
+
+    Of the inner objects' grasps the same share counts as n is of all.
+    """
+    known = {i: data.of(i, data.taught[i]) for i in judged.inner}
+    kind, collides, success = (torch.cat([part[at] for part in known.values()]) for at in range(3))
+    calibration = fit_calibration(torch.cat(list(judged.inner.values())), kind, collides, success)
+    rates: dict[str, float] = {}
+    for i, (kinds, hits, held) in known.items():
+        best = max(1, round(n * len(held) / len(data.tried[i].success)))
+        for name, score in scores(judged.inner[i], kinds, hits, calibration).items():
+            rates[name] = rates.get(name, 0.0) + top_n(score.numpy(), held.numpy(), kinds.numpy(), best)["CG"]
+    return calibration, max(rates, key=lambda name: rates[name])
+
+
+def novel_objects(data: Data, judged: dict[int, Judged], n: int) -> list[Novel]:
+    """What was said of each object by a network that had not seen it, beside what became of its grasps."""
+    found: dict[int, Novel] = {}
+    for fold, of_fold in judged.items():
+        calibration, chosen = calibrated(data, of_fold, n)
+        before = uncalibrated(of_fold.base_rate)
+        for i, logit in of_fold.novel.items():
+            kind, collides, success = data.of(i, data.samples.rows([i]))
+            ranked = scores(logit, kind, collides, calibration)
+            T = data.tried[i].grasps.T_object_tcp
+            found[i] = Novel(
+                name=data.objects[i].name,
+                category=data.objects[i].category,
+                fold=fold,
+                chosen=chosen,
+                scores={name: score.numpy() for name, score in {**ranked, NESTED: ranked[chosen]}.items()},
+                probability_before=before.probability(logit, kind, collides).numpy(),
+                probability=ranked["calibrated"].numpy(),
+                votes=np.ones(len(logit), dtype=np.int64),
+                success=success.numpy(),
+                grasp_type=kind.numpy(),
+                collides=collides.numpy(),
+                pose=np.concatenate([se3.position_of(T).numpy(), se3.quaternion_of(T).numpy()], axis=1),
+            )
+    return [found[i] for i in range(len(data.objects))]
