@@ -14,20 +14,14 @@ from spgf_torch.cli import door
 
 CASES: list[tuple[str, list[str], str]] = [
     ("train", ["K=abc"], "K: "),
-    ("train", ["K=null"], "K: "),
-    ("train", ["+K=7.5"], "K: "),
-    ("train", ["K=100000"], "K: "),
-    ("train", ["seed=1e99"], "seed"),
     ("train", ["features=none_such"], "none_such"),
     ("train", ["+features._target_=os.system"], "_target_"),
     ("train", ["K"], "K"),
     ("train", ["=3"], ""),
     ("train", ["device=meta"], "device"),
     ("predict", [], "input"),
-    ("predict", ["input="], "input"),
     ("predict", ["input=a.npy", "viewpoints=" + "[" * 200 + "0" + "]" * 200], ""),
-    ("predict", ["input=a.npy", "viewpoints=[" + ",".join(["[0,0,0]"] * 200) + "]"], "a.npy"),
-    ("report", ["runs=3"], "runs"),
+    ("predict", ["input=a.npy", "viewpoints=[" + ",".join(["[0,0,0]"] * 40) + "]"], "a.npy"),
 ]
 
 

@@ -61,8 +61,8 @@ def one_word(count: int) -> pa.DictionaryArray:
 
 
 def lists(count: int) -> pa.ListArray:
-    """Ten thousand zeros in every row."""
-    return pa.ListArray.from_arrays(np.arange(count + 1, dtype=np.int32) * 10_000, np.zeros(count * 10_000, np.int8))
+    """A thousand zeros in every row."""
+    return pa.ListArray.from_arrays(np.arange(count + 1, dtype=np.int32) * 1000, np.zeros(count * 1000, np.int8))
 
 
 def rows_of_zeros(count: int) -> Write:
@@ -132,7 +132,7 @@ TABLES: list[tuple[str, Write, str]] = [
     ("with outcomes of numbers", parquet(column("outcome", np.arange)), "outcome"),
     ("with an unknown type", parquet(column("type", lambda n: ["ABC"] * n)), "ABC"),
     ("with a type of a megabyte", parquet(column("type", one_word)), "letters"),
-    ("with words of 300 MB", parquet(column("type", lambda n: ["NPG" * 50_000] * n), use_dictionary=False), ""),
+    ("with words of 12 MB", parquet(column("type", lambda n: ["NPG" * 2_000] * n), use_dictionary=False), ""),
     ("with thirty million rows", rows_of_zeros(30_000_000), "at most"),
     ("an arrow file", lambda path: pa.ipc.new_file(path, apple().schema).close(), "damaged"),
 ]  # fmt: skip
