@@ -67,7 +67,10 @@ def content_after(rings: Tensor) -> Tensor:
 
 
 def start_at(rings: Tensor, start: Tensor) -> Tensor:
-    """The rings (2, N, 2, cells) moved round so that cell `start` (N,) becomes cell 0 of both layers."""
-    cells = rings.shape[-1]
-    source = (torch.arange(cells, device=rings.device) + start[:, None]) % cells
-    return rings.gather(3, source[:, None].expand_as(rings))
+    """The rings (2, N, 2, cells) moved round so that cell `start` (N,) becomes cell 0 of both: (N, 2, cells, 2)."""
+    _, N, layers, cells = rings.shape
+    k = torch.arange(cells, device=rings.device)
+    source = ((k + k[:, None]) % cells).index_select(0, start)  # (N, cells)
+    ring = torch.arange(N * layers, device=rings.device).view(N, layers, 1) * cells
+    both = torch.complex(rings[0], rings[1]).flatten()  # scattered memory is bound by accesses: two angles in each
+    return torch.view_as_real(both.index_select(0, (ring + source[:, None]).flatten())).view(N, layers, cells, 2)

@@ -8,6 +8,7 @@ are (2, N, 2, N_g): angle (alpha1, alpha2, in radians), feature, layer (top, bot
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -35,39 +36,48 @@ def layer_of(alpha2: Tensor) -> Tensor:
     return alpha2 > math.pi / 2 + SINGULAR
 
 
-def organise(grid: Tensor, ring: Tensor, local: Tensor, alpha2: Tensor, soft: bool = False) -> None:
-    """Add neighbours to the cells of their centre's rings, in place.
+@dataclass(frozen=True)
+class Shares:
+    """What neighbours add to cells: index (P,) int64, centre * 2 cells + layer * cells + cell; and to their sums,
+    weight, weight * alpha1, weight * alpha2 (P,)."""
+
+    index: Tensor
+    values: tuple[Tensor, Tensor, Tensor]
+
+    def add_to(self, grid: Tensor) -> None:
+        """Add them to a grid (3, N, 2, cells), in place and in order: the sums are the same in every run."""
+        for sums, values in zip(grid.view(3, -1), self.values, strict=True):
+            sums.scatter_add_(0, self.index, values)
+
+
+def shares(cells: int, ring: Tensor, local: Tensor, alpha2: Tensor, soft: bool = False) -> list[Shares]:
+    """What P neighbours add to the rings of their centres.
 
     ring: (P,) which ring of the grid's N * 2, centre * 2 + layer; local: (3, P) in the centre's frame; alpha2:
     (P,). With `soft` a neighbour is shared between the two cells whose centres enclose its alpha3, in proportion
     to its nearness: sums then change smoothly as the frame turns.
     """
-    cells = grid.shape[3]
-    known = (in_plane(local) > SINGULAR * local[2].abs()).to(grid.dtype)
-    place = alpha3(local) * (cells / (2 * math.pi))
-    angles = (alpha1(local), alpha2)
-    if soft:
-        lower = place.floor()
-        share = place - lower
-        _add(grid, ring, lower, known * (1 - share), angles)
-        _add(grid, ring, lower + 1, known * share, angles)
-    else:
-        _add(grid, ring, (place + 0.5).floor(), known, angles)
+    flat = in_plane(local)
+    known = (SINGULAR * local[2].abs()).lt_(flat)  # 1 or 0: a comparison in place spares a slow change of type
+    place = alpha3(local).mul_(cells / (2 * math.pi))
+    elevation = alpha1(local, flat)
 
+    def share(cell: Tensor, weight: Tensor) -> Shares:
+        turns = (cell / cells).floor_()  # `remainder` takes four times as long
+        index = cell.sub(turns, alpha=cells).long().add_(ring, alpha=cells)
+        return Shares(index, (weight, weight * elevation, weight * alpha2))
 
-def _add(grid: Tensor, ring: Tensor, cell: Tensor, weight: Tensor, angles: tuple[Tensor, Tensor]) -> None:
-    cells = grid.shape[3]
-    index = ring * cells + cell.remainder(cells).long()
-    count, *sums = grid.view(3, -1)
-    count.scatter_add_(0, index, weight)
-    for total, angle in zip(sums, angles, strict=True):
-        total.scatter_add_(0, index, weight * angle)
+    if not soft:
+        return [share(place.add_(0.5).floor_(), known)]
+    lower = place.floor()
+    nearness = place - lower
+    return [share(lower, known * (1 - nearness)), share(lower + 1, known * nearness)]
 
 
 def cell_means(grid: Tensor) -> tuple[Tensor, Tensor]:
     """The mean (alpha1, alpha2) of each cell, (2, N, 2, cells), 0 where empty; and where it is filled."""
     filled = grid[0] > 0
-    return grid[1:] / torch.where(filled, grid[0], 1), filled
+    return grid[1:] / grid[0].clamp(min=1), filled
 
 
 def moving_average(sums: Tensor, weight: Tensor, half_length: int) -> tuple[Tensor, Tensor]:
@@ -81,7 +91,8 @@ def moving_average(sums: Tensor, weight: Tensor, half_length: int) -> tuple[Tens
     kernel = triangle(weight.shape[-1], half_length, sums)
     reached = weight @ kernel
     filled = reached > 0
-    return (sums @ kernel) / torch.where(filled, reached, 1), filled
+    nothing = reached.clone().eq_(0)  # 1 or 0
+    return (sums @ kernel).div_(reached.add_(nothing)), filled
 
 
 def triangle(cells: int, half_length: int, like: Tensor) -> Tensor:

@@ -40,14 +40,17 @@ def in_frame(frames: Tensor, d: Tensor) -> Tensor:
     return torch.addcmul(torch.addcmul(frames[:, 0] * d[0], frames[:, 1], d[1]), frames[:, 2], d[2])
 
 
-def alpha1(local: Tensor) -> Tensor:
-    """Eq. 2, elevation, in [-pi/2, pi/2]: positive where the surface falls away below the centre's plane."""
-    return torch.atan2(-local[2], in_plane(local))
+def alpha1(local: Tensor, flat: Tensor | None = None) -> Tensor:
+    """Eq. 2, elevation, in [-pi/2, pi/2]: positive where the surface falls away below the centre's plane.
+
+    `flat` (P,): `in_plane(local)`, if it is known.
+    """
+    return torch.atan2(-local[2], in_plane(local) if flat is None else flat)
 
 
 def alpha2(n1: Tensor, n2: Tensor) -> Tensor:
     """Eq. 3, the angle between the normals n1 and n2, each (3, P), in [0, pi] (Kahan's form of acos(n1 . n2))."""
-    return 2 * torch.atan2(_length(n1 - n2), _length(n1 + n2))
+    return torch.atan2(_length(n1 - n2), _length(n1 + n2)).mul_(2)
 
 
 def alpha3(local: Tensor) -> Tensor:
@@ -63,4 +66,4 @@ def in_plane(local: Tensor) -> Tensor:
 
 def _length(v: Tensor) -> Tensor:
     squares = v * v  # 20x faster than vector_norm over a first dimension of 3
-    return (squares[0] + squares[1] + squares[2]).sqrt()
+    return (squares[0] + squares[1]).add_(squares[2]).sqrt_()

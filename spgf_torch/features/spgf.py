@@ -10,10 +10,11 @@ from torch import Tensor
 
 from spgf_torch.config import FeatureConfig, InputError
 from spgf_torch.features.alignment import highest_curvature, start_at
-from spgf_torch.features.grid import cell_means, empty_grid, encode_gaps, layer_of, moving_average, organise
+from spgf_torch.features.grid import Shares, cell_means, empty_grid, encode_gaps, layer_of, moving_average, shares
 from spgf_torch.features.relations import alpha2, in_frame, reference_frames, turned
-from spgf_torch.geometry.neighbours import half_pairs
+from spgf_torch.geometry.neighbours import HalfPairs
 from spgf_torch.geometry.se3 import from_rotation
+from spgf_torch.threads import in_parts
 
 # Pairs and features handled at once: their temporaries stay in a CPU's second-level cache. Accelerators take
 # more, to fill them.
@@ -58,56 +59,75 @@ def spgf(
     Raises InputError for other shapes or types, NaN or infinite values, normals that are not unit vectors.
     """
     _check(positions, normals, config, generator)
-    frames = reference_frames(normals, to_neighbours(positions, config.radius))
-    return describe(positions, frames, config, generator)
+    pairs = HalfPairs(positions, config.radius)
+    frames = reference_frames(normals, to_neighbours(positions, pairs))
+    return describe(positions, frames, pairs, config, generator)
 
 
-def to_neighbours(positions: Tensor, radius: float) -> Tensor:
+def to_neighbours(positions: Tensor, pairs: HalfPairs) -> Tensor:
     """(N, 3) from each texlet to the mean of its neighbours, m; 0 where it has none.
 
     The reference axis R_x points there: the paper lets it be arbitrary, and so it turns with the object.
     """
     total = positions.new_zeros((4, len(positions)))
-    columns = torch.cat([positions, torch.ones_like(positions[:, :1])], dim=1).T
-    for i, j in half_pairs(positions, radius):
-        for sums, column in zip(total, columns, strict=True):
-            sums.scatter_add_(0, i, column[j])
-            sums.scatter_add_(0, j, column[i])
+    columns = positions.T.contiguous()
+    for i, j in pairs:
+        for sums, column in zip(total, columns, strict=False):
+            sums.scatter_add_(0, i, column.index_select(0, j))
+            sums.scatter_add_(0, j, column.index_select(0, i))
+        for end in (i, j):
+            total[3].scatter_add_(0, end, total.new_ones(1).expand(len(end)))
     return (total[:3] / total[3].clamp(min=1)).T - positions * (total[3] > 0)[:, None]
 
 
 def describe(
-    positions: Tensor, frames: Tensor, config: FeatureConfig, generator: torch.Generator | None = None
+    positions: Tensor,
+    frames: Tensor,
+    pairs: HalfPairs,
+    config: FeatureConfig,
+    generator: torch.Generator | None = None,
 ) -> Features:
-    """`spgf` with the reference frames given: (N, 3, 3), columns (R_x, R_y, normal)."""
+    """`spgf` with the reference frames given: (N, 3, 3), columns (R_x, R_y, normal); and the pairs of neighbours."""
     if config.alignment == "soft":
-        frames = _turned_softly(positions, frames, config)
-    grid = sliced_pineapple_grid(positions, frames, config)
-    aligned, starts, valid = [], [], []
-    for part in grid.split(_batch(FEATURES, grid), dim=1):
-        rings, filled = smoothed_rings(part, config)
-        start = _start(rings, config, generator)
-        aligned.append(start_at(rings, start).permute(1, 2, 3, 0))
-        starts.append(start)
-        valid.append(filled.any(dim=2).any(dim=1))
+        frames = _turned_softly(positions, frames, pairs, config)
+    grid = sliced_pineapple_grid(positions, frames, pairs, config)
+    parts = grid.split(_batch(FEATURES, grid), dim=1)
+    drawn = ((part, _drawn(part.shape[1], config, generator)) for part in parts)
+    aligned, starts, valid = zip(*in_parts(lambda part: _aligned(*part, config), drawn), strict=True)
     T = from_rotation(turned(frames, _angle(torch.cat(starts), config.cells, frames)), positions)
     return Features(T, torch.cat(aligned), torch.cat(valid))
 
 
-def sliced_pineapple_grid(positions: Tensor, frames: Tensor, config: FeatureConfig, soft: bool = False) -> Tensor:
+def sliced_pineapple_grid(
+    positions: Tensor, frames: Tensor, pairs: HalfPairs, config: FeatureConfig, soft: bool = False
+) -> Tensor:
     """Steps 1 to 3 of section 3.1: sums over neighbours (3, N, 2, cells), as `grid.empty_grid` has them."""
     columns = torch.cat([positions, frames.mT.flatten(1)], dim=1).T.contiguous()  # components first: fast to gather
     grid = empty_grid(len(positions), config.cells, positions)
-    for pairs in half_pairs(positions, config.radius):
-        for i, j in zip(*(ends.split(_batch(PAIRS, grid)) for ends in pairs), strict=True):
-            (X_i, F_i), (X_j, F_j) = (_texlet(columns.index_select(1, end)) for end in (i, j))
-            angle = alpha2(F_i[2], F_j[2])
-            layer = layer_of(angle)
-            organise(grid, 2 * i + layer, in_frame(F_i, X_j - X_i), angle, soft)  # j is a neighbour of i
-            organise(grid, 2 * j + layer, in_frame(F_j, X_i - X_j), angle, soft)  # and i is one of j
+
+    def related(ends: tuple[Tensor, Tensor]) -> list[Shares]:
+        i, j = ends
+        (X_i, F_i), (X_j, F_j) = (_texlet(columns.index_select(1, end)) for end in ends)
+        angle = alpha2(F_i[2], F_j[2])
+        layer = layer_of(angle).long()
+        of_i = shares(config.cells, layer.add(i, alpha=2), in_frame(F_i, X_j - X_i), angle, soft)  # j is near i
+        of_j = shares(config.cells, layer.add(j, alpha=2), in_frame(F_j, X_i - X_j), angle, soft)  # and i near j
+        return of_i + of_j
+
+    parts = (part for ends in pairs for part in zip(*(end.split(_batch(PAIRS, grid)) for end in ends), strict=True))
+    for found in in_parts(related, parts):
+        for share in found:
+            share.add_to(grid)
     if config.layers == 1:
         grid[:, :, 1] = 0
     return grid
+
+
+def _aligned(grid: Tensor, start: Tensor | None, config: FeatureConfig) -> tuple[Tensor, Tensor, Tensor]:
+    """Steps 4 and 5: the rings (N, 2, cells, 2) of a part of the grid, the cells they start at, and which are valid."""
+    rings, filled = smoothed_rings(grid, config)
+    start = highest_curvature(rings) if start is None else start.to(rings.device)
+    return start_at(rings, start), start, filled.flatten(1).any(dim=1)
 
 
 def smoothed_rings(grid: Tensor, config: FeatureConfig, soft: bool = False) -> tuple[Tensor, Tensor]:
@@ -120,23 +140,20 @@ def smoothed_rings(grid: Tensor, config: FeatureConfig, soft: bool = False) -> t
     return encode_gaps(rings, filled, config.gaps), filled
 
 
-def _start(rings: Tensor, config: FeatureConfig, generator: torch.Generator | None) -> Tensor:
-    """Step 5: the cell that becomes cell 0, (N,) int64."""
-    N = rings.shape[1]
-    if config.alignment == "argmax":
-        return highest_curvature(rings)
+def _drawn(N: int, config: FeatureConfig, generator: torch.Generator | None) -> Tensor | None:
+    """Step 5 where it does not depend on the rings: the cell (N,) int64 that becomes cell 0."""
     if config.alignment == "random":
-        return torch.randint(config.cells, (N,), generator=generator).to(rings.device)
-    return torch.zeros(N, dtype=torch.int64, device=rings.device)  # soft: the frames are turned already
+        return torch.randint(config.cells, (N,), generator=generator)
+    return None if config.alignment == "argmax" else torch.zeros(N, dtype=torch.int64)  # soft: turned already
 
 
-def _turned_softly(positions: Tensor, frames: Tensor, config: FeatureConfig) -> Tensor:
+def _turned_softly(positions: Tensor, frames: Tensor, pairs: HalfPairs, config: FeatureConfig) -> Tensor:
     """The frames turned to the direction of highest curvature of finer, softly filled rings.
 
     The direction hardly depends on R_x then, as cells 10 deg wide make it. The filter is as wide as before.
     """
     fine = replace(config, cells=FINER * config.cells, half_length=FINER * (config.half_length + 1) - 1)
-    grid = sliced_pineapple_grid(positions, frames, fine, soft=True)
+    grid = sliced_pineapple_grid(positions, frames, pairs, fine, soft=True)
     parts = grid.split(_batch(FEATURES, grid), dim=1)
     start = torch.cat([highest_curvature(smoothed_rings(part, fine, soft=True)[0]) for part in parts])
     return turned(frames, _angle(start, fine.cells, frames))

@@ -14,6 +14,9 @@ from spgf_torch.config import InputError
 # Points of one k-d tree. Two trees meet in at most BLOCK^2 pairs of 24 bytes: 0.4 GB however dense the cloud.
 BLOCK = 4096
 
+# Pairs that are kept for a second look: 0.3 GB.
+KEPT = 1 << 24
+
 
 def radius_pairs(points: Tensor, radius: float) -> tuple[Tensor, Tensor]:
     """Every ordered pair of different points at most `radius` (m) apart.
@@ -34,6 +37,24 @@ def _sorted(key: Tensor) -> Tensor:
     return torch.from_numpy(np.sort(key.numpy())) if key.device.type == "cpu" else key.sort().values
 
 
+class HalfPairs:
+    """`half_pairs` to go through more than once: searched for once where they are at most `KEPT`."""
+
+    def __init__(self, points: Tensor, radius: float) -> None:
+        self.points, self.radius = points, radius
+        self.kept: list[tuple[Tensor, Tensor]] | None = []
+        count = 0
+        for part in half_pairs(points, radius):
+            self.kept.append(part)
+            count += len(part[0])
+            if count > KEPT:
+                self.kept = None
+                break
+
+    def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:
+        return half_pairs(self.points, self.radius) if self.kept is None else iter(self.kept)
+
+
 def half_pairs(points: Tensor, radius: float) -> Iterator[tuple[Tensor, Tensor]]:
     """The unordered pairs {i, j} of `radius_pairs`, each once and in no order, in parts of bounded memory."""
     if points.ndim != 2 or points.shape[1] != 3:
@@ -52,7 +73,8 @@ def _by_trees(points: Tensor, radius: float) -> Iterator[tuple[Tensor, Tensor]]:
     trees = [cKDTree(xyz[block]) for block in blocks]
     for a, tree in enumerate(trees):
         pairs = tree.query_pairs(radius, output_type="ndarray")
-        yield torch.from_numpy(blocks[a][pairs[:, 0]]), torch.from_numpy(blocks[a][pairs[:, 1]])
+        ends = np.ascontiguousarray(pairs.T)
+        yield torch.from_numpy(blocks[a][ends[0]]), torch.from_numpy(blocks[a][ends[1]])
         for b in range(a + 1, len(trees)):
             pairs = tree.sparse_distance_matrix(trees[b], radius, output_type="ndarray")
             if len(pairs):

@@ -92,6 +92,6 @@ def test_run_lengths_against_a_walk():
 
 def test_start_at_moves_both_layers():
     rings = torch.arange(2 * 2 * 2 * 8.0).view(2, 2, 2, 8)
-    moved = start_at(rings, torch.tensor([3, 0]))
-    assert torch.equal(moved[:, 0], rings[:, 0].roll(-3, dims=-1))
-    assert torch.equal(moved[:, 1], rings[:, 1])
+    moved = start_at(rings, torch.tensor([3, 0]))  # feature, layer, cell, angle
+    assert torch.equal(moved[0], rings[:, 0].roll(-3, dims=-1).permute(1, 2, 0))
+    assert torch.equal(moved[1], rings[:, 1].permute(1, 2, 0))

@@ -5,9 +5,14 @@ import math
 import pytest
 import torch
 
-from spgf_torch.features.grid import cell_means, empty_grid, encode_gaps, layer_of, moving_average, organise, triangle
+from spgf_torch.features.grid import cell_means, empty_grid, encode_gaps, layer_of, moving_average, shares, triangle
 
 RIGHT = math.pi / 2
+
+
+def organise(grid: torch.Tensor, *neighbours: object) -> None:
+    for share in shares(grid.shape[3], *neighbours):
+        share.add_to(grid)
 
 
 def one_centre(directions_deg, alpha2_deg, cells=36, height=0.0, soft=False):

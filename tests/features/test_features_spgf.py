@@ -12,6 +12,7 @@ from spgf_torch.features import spgf as spgf_module
 from spgf_torch.features.relations import reference_frames, turned
 from spgf_torch.features.spgf import describe, spgf, to_neighbours
 from spgf_torch.geometry import neighbours, se3
+from spgf_torch.geometry.neighbours import HalfPairs
 
 RIGHT = math.pi / 2
 ARGMAX = settings(FeatureConfig)
@@ -61,7 +62,8 @@ def change(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
 def test_equals_the_loop_reference(N, half_length, cells):
     """Sparse clouds have gaps and ties in nearly every ring, dense ones in none."""
     X, n = random_cloud(N)
-    frames = reference_frames(n, to_neighbours(X, ARGMAX.radius))
+    pairs = HalfPairs(X, ARGMAX.radius)
+    frames = reference_frames(n, to_neighbours(X, pairs))
     expected_rings, expected_T, expected_valid = spgf_reference.spgf(
         X.numpy(), n.numpy(), frames.numpy(), N, cells=cells, half_length=half_length
     )
@@ -72,9 +74,26 @@ def test_equals_the_loop_reference(N, half_length, cells):
     assert np.allclose(features.T_object_feature.numpy(), expected_T, atol=1e-12)
 
 
+@pytest.mark.parametrize("alignment", ["argmax", "soft", "random"])
+def test_one_and_two_threads_give_the_same_bits(monkeypatch, alignment):
+    X, n = box_surface(700)
+    monkeypatch.setattr(spgf_module, "PAIRS", 1 << 10)
+    monkeypatch.setattr(spgf_module, "FEATURES", 1 << 7)
+    config, found = settings(FeatureConfig, alignment=alignment), []
+    before = torch.get_num_threads()
+    for threads in (1, 2):
+        torch.set_num_threads(threads)
+        found.append(spgf(X.float(), n.float(), config, generator()))
+        assert torch.get_num_threads() == threads
+    torch.set_num_threads(before)
+    assert torch.equal(found[0].rings, found[1].rings)
+    assert torch.equal(found[0].T_object_feature, found[1].T_object_feature)
+
+
 def test_equals_the_loop_reference_on_a_shape_with_walls_and_rims():
     X, n = box_surface(500)
-    frames = reference_frames(n, to_neighbours(X, ARGMAX.radius))
+    pairs = HalfPairs(X, ARGMAX.radius)
+    frames = reference_frames(n, to_neighbours(X, pairs))
     rings, T, _ = spgf_reference.spgf(X.numpy(), n.numpy(), frames.numpy(), 60)
     features = spgf(X, n, ARGMAX)
     assert np.allclose(features.rings[:60].numpy(), rings, atol=1e-6)
@@ -204,12 +223,13 @@ def test_the_tie_rule_does_not_depend_on_the_reference_direction():
     """R_x turned by whole cells leaves the cells' contents alone, so rings and poses must be the same, also where
     gaps tie: the sparse cloud has a gap in nearly every top ring."""
     for X, n in (box_surface(700), random_cloud(40)):
-        frames = reference_frames(n, to_neighbours(X, ARGMAX.radius))
-        before = describe(X, frames, ARGMAX)
+        pairs = HalfPairs(X, ARGMAX.radius)
+        frames = reference_frames(n, to_neighbours(X, pairs))
+        before = describe(X, frames, pairs, ARGMAX)
         assert (before.rings[:, 0, :, 1] == RIGHT).any(dim=1).float().mean() > 0.1
         for cells in (1, 7, 18, 35):
             angle = torch.full((len(X),), cells * math.pi / 18, dtype=torch.float64)
-            after = describe(X, turned(frames, angle), ARGMAX)
+            after = describe(X, turned(frames, angle), pairs, ARGMAX)
             same = (after.rings - before.rings).abs().amax(dim=(1, 2, 3)) < 1e-9
             assert same.float().mean() > 0.995
             assert torch.allclose(after.T_object_feature[same], before.T_object_feature[same], atol=1e-9)
@@ -219,10 +239,11 @@ def test_soft_alignment_hardly_depends_on_the_reference_direction():
     """Any R_x: half of the features change by less than 1.5 deg and nine in ten by less than 3.5 (measured 1.0
     and 2.5, of 20 that two features differ by); the argmax on fixed cells changes more (2.7 and 8.7)."""
     X, n = box_surface()
-    frames = reference_frames(n, to_neighbours(X, ARGMAX.radius))
+    pairs = HalfPairs(X, ARGMAX.radius)
+    frames = reference_frames(n, to_neighbours(X, pairs))
     angle = 2 * math.pi * torch.rand(len(X), generator=generator(9), dtype=torch.float64)
-    soft = change(describe(X, turned(frames, angle), SOFT), describe(X, frames, SOFT))
-    hard = change(describe(X, turned(frames, angle), ARGMAX), describe(X, frames, ARGMAX))
+    soft = change(describe(X, turned(frames, angle), pairs, SOFT), describe(X, frames, pairs, SOFT))
+    hard = change(describe(X, turned(frames, angle), pairs, ARGMAX), describe(X, frames, pairs, ARGMAX))
     assert soft.median() < 1.5
     assert soft.quantile(0.9) < 3.5
     assert soft.median() < hard.median() / 2
@@ -326,7 +347,7 @@ def test_random_alignment_turns_rings_and_pose_together():
 def test_the_reference_axis_points_to_the_mean_of_the_neighbours():
     """Neighbours of the origin at x = 1 and 3 cm and y = 1 cm, their mean at (4/3, 1/3); one texlet is alone."""
     X = torch.tensor([[0, 0, 0], [0.01, 0, 0], [0.03, 0, 0], [0, 0.01, 0], [1, 1, 1]], dtype=torch.float64)
-    towards = to_neighbours(X, 0.03)
+    towards = to_neighbours(X, HalfPairs(X, 0.03))
     assert torch.allclose(towards[0], torch.tensor([0.04 / 3, 0.01 / 3, 0], dtype=torch.float64))
     assert torch.equal(towards[4], torch.zeros(3, dtype=torch.float64))
     R_x = reference_frames(torch.tensor([[0.0, 0, 1]] * 5, dtype=torch.float64), towards)[:, :, 0]

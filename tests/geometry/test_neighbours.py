@@ -5,7 +5,7 @@ import torch
 
 from spgf_torch.config import InputError
 from spgf_torch.geometry import neighbours
-from spgf_torch.geometry.neighbours import half_pairs, radius_pairs
+from spgf_torch.geometry.neighbours import HalfPairs, half_pairs, radius_pairs
 
 
 def loop_pairs(points: torch.Tensor, radius: float) -> list[tuple[int, int]]:
@@ -52,3 +52,15 @@ def test_too_few_points_have_no_pairs(N):
 def test_unusable_points_are_named(bad):
     with pytest.raises(InputError, match="points: expected"):
         radius_pairs(bad, 0.1)
+
+
+@pytest.mark.parametrize("kept", [1 << 24, 10])
+def test_pairs_can_be_gone_through_twice(monkeypatch, kept):
+    """Whether they are kept or searched for again."""
+    monkeypatch.setattr(neighbours, "KEPT", kept)
+    monkeypatch.setattr(neighbours, "BLOCK", 16)
+    points = torch.rand((60, 3), generator=torch.Generator().manual_seed(0))
+    pairs, once = HalfPairs(points, 0.3), list(half_pairs(points, 0.3))
+    for _ in range(2):
+        for (i, j), (k, m) in zip(pairs, once, strict=True):
+            assert torch.equal(i, k) and torch.equal(j, m)
