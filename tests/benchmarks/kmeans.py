@@ -1,10 +1,10 @@
-"""Prototypes against scikit-learn's KMeans(n_init=10) and MiniBatchKMeans: inertia and seconds on one thread.
+"""Prototypes against scikit-learn's MiniBatchKMeans and KMeans(n_init=10) and faiss's Kmeans: inertia and seconds.
 
     python tests/benchmarks/kmeans.py [K ...]
 
-Data: the SPGF features of four fifths of the shipped objects, as a fold of the cross-validation learns from. The three
-take turns in one run, a seed a round; medians over rounds, ratios ours / theirs. ARI: adjusted Rand index between
-the clusterings of each method's seeds.
+Data: the SPGF features of four fifths of the shipped objects, as a fold of the cross-validation learns from. All take
+turns in one run, a seed a round, on one thread; medians over rounds. ARI: adjusted Rand index between the clusterings
+of each method's seeds. `quick` is the same fit with fewer restarts (`prototypes.restarts`, `finalists`, `breath`).
 """
 
 import statistics
@@ -13,69 +13,91 @@ import time
 from collections.abc import Callable
 from itertools import combinations
 
+import spgf_torch  # noqa: F401  first: it sets how torch's threads wait
 import numpy as np
 import torch
-from sklearn.cluster import KMeans, MiniBatchKMeans
-from sklearn.metrics import adjusted_rand_score
-from threadpoolctl import threadpool_limits
+from shared.clouds import objects, sensed
+from shared.harness import Report, threads
 
-from spgf_torch.config import FeatureConfig, PrototypeConfig, SensingConfig, root, settings
+from spgf_torch.config import FeatureConfig, PrototypeConfig, settings
 from spgf_torch.features.spgf import spgf
-from spgf_torch.objects.library import load_objects
 from spgf_torch.prototypes.kmeans import assign, inertia
 from spgf_torch.prototypes.module import fit_prototypes
-from spgf_torch.sensing.sense import sense
 
-ROUNDS = 3
+ROUNDS = 5
 
 
 def features() -> torch.Tensor:
-    objects = [obj for i, obj in enumerate(load_objects(root() / "data" / "objects")) if i % 5]
     found = []
-    for obj in objects:
-        texlets = sense(obj, settings(SensingConfig), 0)
-        described = spgf(texlets.positions, texlets.normals, settings(FeatureConfig))
-        found.append(described.relations()[described.valid])
+    for number in range(len(objects())):
+        if number % 5:
+            texlets = sensed(number)
+            described = spgf(texlets.positions, texlets.normals, settings(FeatureConfig))
+            found.append(described.relations()[described.valid])
     return torch.cat(found)
 
 
-def methods(relations: torch.Tensor, K: int) -> dict[str, Callable[[int], torch.Tensor]]:
-    table, config = relations.numpy(), settings(PrototypeConfig, num_clusters=K)
-
-    def fitted(model: KMeans | MiniBatchKMeans) -> torch.Tensor:
-        return torch.from_numpy(np.asarray(model.fit(table).cluster_centers_))
-
-    return {
-        "ours": lambda seed: fit_prototypes(relations, config, seed),
-        "KMeans(n_init=10)": lambda seed: fitted(KMeans(K, n_init=10, random_state=seed)),
-        "MiniBatchKMeans": lambda seed: fitted(MiniBatchKMeans(K, random_state=seed)),
+def methods(relations: torch.Tensor, K: int, report: Report) -> dict[str, Callable[[int], torch.Tensor]]:
+    table = relations.numpy()
+    found: dict[str, Callable[[int], torch.Tensor]] = {
+        "ours": lambda seed: fit_prototypes(relations, settings(PrototypeConfig, num_clusters=K), seed)
     }
+    if sklearn := report.peer("sklearn.cluster", "scikit-learn"):
+
+        def fitted(model) -> torch.Tensor:
+            return torch.from_numpy(np.asarray(model.fit(table).cluster_centers_))
+
+        found["KMeans(n_init=10)"] = lambda seed: fitted(sklearn.KMeans(K, n_init=10, random_state=seed))
+        found["MiniBatchKMeans"] = lambda seed: fitted(sklearn.MiniBatchKMeans(K, random_state=seed))
+        found["MiniBatchKMeans(n_init=10)"] = lambda seed: fitted(
+            sklearn.MiniBatchKMeans(K, n_init=10, random_state=seed)
+        )
+    if faiss := report.peer("faiss", "faiss-cpu"):
+
+        def by_faiss(seed: int) -> torch.Tensor:
+            model = faiss.Kmeans(table.shape[1], K, niter=100, nredo=10, seed=seed + 1, max_points_per_centroid=10**9)
+            model.train(table)
+            return torch.from_numpy(model.centroids.copy())
+
+        found["faiss Kmeans(nredo=10)"] = by_faiss
+    return found
 
 
-def compare(relations: torch.Tensor, K: int) -> None:
+def compare(report: Report, relations: torch.Tensor, K: int) -> None:
+    from sklearn.metrics import adjusted_rand_score
+
     runs: dict[str, list[tuple[float, float, torch.Tensor]]] = {}
+    fits = methods(relations, K, report)
     for seed in range(ROUNDS):
-        for name, fit in methods(relations, K).items():
+        for name, fit in fits.items():
             start = time.perf_counter()
             centres = fit(seed)
             seconds = time.perf_counter() - start
             runs.setdefault(name, []).append((inertia(relations, centres), seconds, assign(relations, centres)))
-    print(f"\nK = {K}, {len(relations)} x {relations.shape[1]} features, {ROUNDS} rounds")
+    medians = {name: [statistics.median(r[i] for r in results) for i in (0, 1)] for name, results in runs.items()}
     for name, results in runs.items():
-        inertias, times = [r[0] for r in results], [r[1] for r in results]
-        ratios = [ours[0] / theirs for ours, theirs in zip(runs["ours"], inertias, strict=True)]
-        faster = statistics.median(times) / statistics.median(r[1] for r in runs["ours"])
         agreement = [adjusted_rand_score(a[2], b[2]) for a, b in combinations(results, 2)]
-        print(
-            f"{name:18} inertia {statistics.median(inertias):9.0f}   ours/theirs {min(ratios):.4f} to {max(ratios):.4f}"
-            f"   {statistics.median(times):6.2f} s   theirs/ours {faster:5.2f}   ARI {min(agreement):.2f}"
+        report.row(
+            K=K,
+            features=len(relations),
+            method=name,
+            inertia_ours_over_theirs=medians["ours"][0] / medians[name][0],
+            seconds=medians[name][1],
+            seconds_theirs_over_ours=medians[name][1] / medians["ours"][1],
+            least_ARI=min(agreement),
         )
+    for name in [name for name in fits if name != "ours"]:
+        lower, faster = medians["ours"][0] / medians[name][0], medians[name][1] / medians["ours"][1]
+        asked = {"KMeans(n_init=10)": "inertia <= 1", "MiniBatchKMeans": "speed >= 1"}.get(name, "")
+        report.figure(f"k-means, K = {K}, against {name}", asked, f"inertia {lower:.3f}, speed {faster:.2f}")
 
 
 if __name__ == "__main__":
-    torch.set_num_threads(1)
-    data = features()
-    with threadpool_limits(1):
+    found = Report("kmeans", "Inertia ours / theirs and speed theirs / ours on one thread, SPGF features of 40 objects.")
+    found.devices()
+    with threads(1):
+        data = features()
         fit_prototypes(data[:1000], settings(PrototypeConfig, num_clusters=2), 0)  # warm up
         for clusters in [int(word) for word in sys.argv[1:]] or [20]:
-            compare(data, clusters)
+            compare(found, data, clusters)
+    found.write()
