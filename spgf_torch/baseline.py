@@ -19,20 +19,22 @@ def run(config: BaselineConfig, folder: Path) -> None:
     """Train a network a fold on the samples of an export, judge novel objects; write results and networks."""
     check_network(config.network)
 
-    from spgf_torch.baselines.costs import costs
     from spgf_torch.baselines.data import origin_of, read_data, usable_device
+    from spgf_torch.baselines.work import claimed, hand_over
+
+    device, start, stages = usable_device(config.device), time.perf_counter(), Stages()
+    data = read_data(config, device, stages)
+    origin = origin_of(data, config)
+
+    from spgf_torch.baselines.costs import costs  # brings Lightning: seconds, not before the input is known to be good
     from spgf_torch.baselines.fit import has_tensorboard
     from spgf_torch.baselines.folds import novel_objects, run_folds
-    from spgf_torch.baselines.work import claimed, hand_over
     from spgf_torch.evaluation.files import write_json, write_per_object
     from spgf_torch.evaluation.results import build_results
     from spgf_torch.evaluation.tables import calibration_line, chosen_line, results_table
 
-    device, start, stages = usable_device(config.device), time.perf_counter(), Stages()
-    data = read_data(config, device, stages)
     if not has_tensorboard():
         console.print("baseline: logs as CSV alone (for TensorBoard: pip install 'spgf-torch[baselines]')")
-    origin = origin_of(data, config)
     with claimed(Path(config.checkpoints).expanduser(), origin) as work:
         judged = run_folds(data, config, work, origin, stages)
         novel = novel_objects(data, judged, config.N)

@@ -24,8 +24,9 @@ DEEPEST = 16  # layers
 
 @dataclass
 class NetworkConfig:
-    """A PointNet: what each point goes through alone, and what the maximum over points goes through."""
+    """A PointNet: how a point is written, what it goes through alone, and what the maximum over points goes through."""
 
+    frequencies: int = bounded(0, 10)
     widths: list[int] = field(default_factory=list)
     head: list[int] = field(default_factory=list)
 

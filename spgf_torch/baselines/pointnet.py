@@ -35,7 +35,8 @@ class PointNet(nn.Module):
     def __init__(self, config: NetworkConfig, radius: float, generator: torch.Generator) -> None:
         super().__init__()
         self.register_buffer("radius", torch.tensor(radius))
-        self.points = _layers([3 + len(GRASP_TYPES), *config.widths], generator)
+        self.frequencies = config.frequencies
+        self.points = _layers([3 + 6 * config.frequencies + len(GRASP_TYPES), *config.widths], generator)
         self.head = nn.Sequential(
             _layers([config.widths[-1], *config.head], generator),
             _linear([*config.widths, *config.head][-1], 1, generator),
@@ -44,9 +45,21 @@ class PointNet(nn.Module):
     def forward(self, cloud: Tensor, grasp_type: Tensor) -> Tensor:
         """Logits (B,) of clouds (B, P, 3), m, frame tcp, and types (B,) int64."""
         kind = one_hot(grasp_type, len(GRASP_TYPES)).to(cloud.dtype)
-        told = torch.cat([cloud / self.radius, kind[:, None].expand(-1, cloud.shape[1], -1)], dim=2)
+        told = torch.cat(
+            [fourier(cloud / self.radius, self.frequencies), kind[:, None].expand(-1, cloud.shape[1], -1)], 2
+        )
         found: Tensor = self.points(told.flatten(0, 1))
         return self.head(found.unflatten(0, told.shape[:2]).amax(dim=1)).squeeze(1)
+
+
+def fourier(x: Tensor, frequencies: int) -> Tensor:
+    """(..., D) -> (..., D + 2 D F): x, then sin and cos of pi x, 2 pi x, 4 pi x, ...
+
+    Narrow layers tell places apart that are millimetres from each other, where a finger would hit and where not, only
+    if these are far apart in what they are given (Tancik et al., Fourier Features, NeurIPS 2020).
+    """
+    phase = (x[..., None] * (math.pi * 2.0 ** torch.arange(frequencies, device=x.device, dtype=x.dtype))).flatten(-2)
+    return torch.cat([x, phase.sin(), phase.cos()], dim=-1)
 
 
 @torch.no_grad()

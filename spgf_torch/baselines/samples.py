@@ -110,7 +110,8 @@ def load_samples(
         for sample in read_samples(path):
             where = f"{path}: {sample.key}"
             i = place.get(sample.object, -1)
-            if i < 0 or sample.fold != fold[i] or sample.category != objects[i].category:
+            here = path.name.startswith(f"fold{sample.fold}-")
+            if i < 0 or not here or sample.fold != fold[i] or sample.category != objects[i].category:
                 got = f"{sample.object} ({sample.category}) of fold {sample.fold}"
                 raise InputError(f"{where}: expected an object of the trials in its class and fold, got {got:.80}")
             if (index := whole(sample.index, f"{where}: index")) >= start[i + 1] - start[i]:
