@@ -46,7 +46,7 @@ def run(config: BaselineConfig, folder: Path) -> None:
         write_json(folder / "results.json", {**results, "seconds": seconds})
         hand_over(work, folder)
     table = results_table(results, list(dict.fromkeys([config.ranking, NESTED])))
-    table.title = f"Success-rate (%) of the {config.N} highest-ranked grasps on novel objects, by a network"
+    table.title = f"Success-rate (%) of a network's {config.N} highest-ranked grasps on novel objects"
     for content in (table, chosen_line(results), calibration_line(results)):
         show(content)
     show(f"results, networks, logs and settings in {folder}")

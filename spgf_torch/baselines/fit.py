@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import logging
 import os
 import pickle
@@ -21,7 +22,7 @@ from lightning.pytorch.plugins.environments import LightningEnvironment
 
 from spgf_torch.baselines.module import LOSS, GraspJudge
 
-LAST, BEST, LOGS = "last.ckpt", "best.ckpt", "logs"
+LAST, BEST, LOGS, CSV = "last.ckpt", "best.ckpt", "logs", "csv"
 
 # About a class of torch's that Lightning 2.6 uses, and about files that are meant to be there after a resumption.
 EXPECTED_WARNINGS = (
@@ -60,7 +61,8 @@ def fit(make: Callable[[], GraspJudge], folder: Path) -> GraspJudge:
         module = make()
         resumed = _of_origin(folder / LAST, module.origin)
         if resumed is None or not _finished(resumed, module):
-            _trainer(module, folder).fit(module, ckpt_path=folder / LAST if resumed else None, weights_only=True)
+            trainer = _trainer(module, folder, resumed)
+            trainer.fit(module, ckpt_path=folder / LAST if resumed else None, weights_only=True)
         else:
             module.seconds = float(resumed["seconds"])
     best = torch.load(folder / BEST, map_location=module.task.samples.cloud.device, weights_only=True)
@@ -68,9 +70,9 @@ def fit(make: Callable[[], GraspJudge], folder: Path) -> GraspJudge:
     return module.to(module.task.samples.cloud.device).eval()
 
 
-def _trainer(module: GraspJudge, folder: Path) -> Trainer:
+def _trainer(module: GraspJudge, folder: Path, resumed: dict[str, Any] | None) -> Trainer:
     device = module.task.samples.cloud.device
-    loggers: list[Logger] = [CSVLogger(folder, name=LOGS, version="csv")]
+    loggers: list[Logger] = [_csv(folder, resumed)]
     if has_tensorboard():
         loggers.append(TensorBoardLogger(folder, name=LOGS, version="tensorboard"))
     learning = module.task.learning
@@ -90,6 +92,19 @@ def _trainer(module: GraspJudge, folder: Path) -> Trainer:
         enable_progress_bar=False,
         plugins=[LightningEnvironment(), WholeCheckpoints()],  # one process, also where a cluster's variables are set
     )
+
+
+def _csv(folder: Path, resumed: dict[str, Any] | None) -> CSVLogger:
+    """The table of losses; it keeps the epochs that are not done again (Lightning would begin a new one)."""
+    path = folder / LOGS / CSV / "metrics.csv"
+    known: list[dict[str, str]] = []
+    if resumed is not None and path.is_file():
+        with path.open(newline="") as file:
+            known = [row for row in csv.DictReader(file) if int(row["epoch"]) <= int(resumed["epoch"])]
+    logger = CSVLogger(folder, name=LOGS, version=CSV, flush_logs_every_n_steps=1)
+    logger.experiment.metrics.extend({key: value for key, value in row.items() if value} for row in known)
+    logger.save()
+    return logger
 
 
 def _of_origin(path: Path, origin: str) -> dict[str, Any] | None:

@@ -1,8 +1,7 @@
 """A PointNet that judges grasps, what it is taught with, and what its errors cost. Torch only.
 
 A cloud is taken as the set that it is: every point goes through the same layers alone, the maximum over the points
-goes on (Qi et al., PointNet, CVPR 2017, without T-nets: the frame is the grasp's own). Points far from a grasp are
-scaled to 1.
+goes on (Qi et al., PointNet, CVPR 2017, without T-nets: the frame is the grasp's own).
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ class PointNet(nn.Module):
     """Logits of success; taught with as many successes as failures of a type, they are log-odds against its base rate.
 
     Args:
-        radius: m, of the clouds; the networks' unit of length.
+        radius: m, of the clouds: the network's unit of length.
         generator: draws the first weights.
     """
 

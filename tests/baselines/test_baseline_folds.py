@@ -99,6 +99,8 @@ def test_a_killed_fold_goes_on_as_if_nothing_had_happened(
     monkeypatch.setattr(GraspJudge, "on_train_epoch_end", lambda self: epochs.append(self.current_epoch))
     again = run_fold(data, config(), 0, tmp_path / "cut", "origin", nothing)
     assert epochs == list(range(epoch, 4))
+    with (tmp_path / "cut/logs/csv/metrics.csv").open() as file:
+        assert [row["epoch"] for row in csv.DictReader(file) if row["inner_loss"]] == ["0", "1", "2", "3"]
     assert (tmp_path / "cut" / MODEL).read_bytes() == (tmp_path / "whole" / MODEL).read_bytes()
     assert all(torch.equal(again.novel[i], whole.novel[i]) for i in whole.novel)
 
