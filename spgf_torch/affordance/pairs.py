@@ -10,9 +10,13 @@ from torch import Tensor
 from spgf_torch.affordance.lattice import Lattice
 from spgf_torch.affordance.particles import Particles, Points, pairs_within
 from spgf_torch.config import AffordanceConfig, InputError
+from spgf_torch.threads import in_parts
 
 # Cells of a lattice: 2 GB for the table of one slice.
 MOST_CELLS = 2**28
+
+# Features x grasps looked at together, on an accelerator and on a CPU, whose caches should hold them.
+TOGETHER = (1 << 24, 1 << 16)
 
 
 @dataclass(frozen=True)
@@ -65,9 +69,16 @@ def cell_pairs(
     if generator is not None and len(chosen) > config.features_per_object:
         drawn = torch.randperm(len(chosen), generator=generator)[: config.features_per_object]
         chosen = drawn.sort().values.to(chosen.device)
-    pairs = pairs_within(T_object_feature[chosen], T_object_grasp, config.reach)
-    cell = lattice_of(config).index(pairs.position, pairs.quaternion)
-    return CellPairs(chosen[pairs.feature].int(), pairs.grasp.int(), cell.int(), grasp_type)
+    lattice = lattice_of(config)
+
+    def located(features: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        pairs = pairs_within(T_object_feature[features], T_object_grasp, config.reach)
+        cell = lattice.index(pairs.position, pairs.quaternion)
+        return features[pairs.feature].int(), pairs.grasp.int(), cell.int()
+
+    parts = chosen.split(max(1, TOGETHER[chosen.device.type == "cpu"] // max(1, len(T_object_grasp))))
+    feature, grasp, cell = (torch.cat(column) for column in zip(*in_parts(located, parts), strict=True))
+    return CellPairs(feature, grasp, cell, grasp_type)
 
 
 def shape_grasp_particles(pairs: CellPairs, ids: Tensor, success: Tensor) -> Particles:

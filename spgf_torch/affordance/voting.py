@@ -15,8 +15,12 @@ from torch import Tensor
 from spgf_torch.affordance.lattice import Lattice
 from spgf_torch.affordance.neighbourhood import Condensed, Counts
 from spgf_torch.affordance.particles import Points
+from spgf_torch.threads import in_parts
 
 NO_POINT = -1
+
+# Pairs whose votes are looked up together, on an accelerator and on a CPU.
+TOGETHER = (1 << 24, 1 << 16)
 
 
 @dataclass(frozen=True)
@@ -57,10 +61,18 @@ class VotingIndex:
 
 def cast_votes(index: VotingIndex, points: Points, grasp: Tensor) -> Votes:
     """Votes at the points (P,) of feature-grasp pairs through a condensed model; grasp (P,) int64 of each pair."""
-    point = index.find(points.slice.long(), points.cell.long())
-    cast = (point != NO_POINT).nonzero()[:, 0]
-    point, condensed = point[cast], index.condensed
-    return Votes(grasp[cast], points.prototype[cast].long(), condensed.probability[point], condensed.support[point])
+    condensed = index.condensed
+
+    def cast(part: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+        slice_, cell, prototype, voted_on = part
+        point = index.find(slice_.long(), cell.long())
+        found = (point != NO_POINT).nonzero()[:, 0]
+        point = point[found]
+        return voted_on[found], prototype[found].long(), condensed.probability[point], condensed.support[point]
+
+    columns = (points.slice, points.cell, points.prototype, grasp)
+    parts = zip(*(column.split(TOGETHER[grasp.device.type == "cpu"]) for column in columns), strict=True)
+    return Votes(*(torch.cat(column) for column in zip(*in_parts(cast, parts), strict=True)))
 
 
 def counted_votes(counts: Counts, points: Points, grasp: Tensor, min_support: float) -> Votes:

@@ -1,0 +1,265 @@
+"""Trials against the same episode in MuJoCo, a naive SAPIEN loop, and a reference of fine steps.
+
+    python tests/benchmarks/trials.py [candidates an object and type]
+
+Candidates of some shipped objects, from data/trials' sampler. Ours: pre-check, then the episode. Reference: the same at
+dt 1/2000. Naive: what one writes first: a scene, the URDF and the object's parts anew for each candidate, no
+pre-check. MuJoCo: hand, object, drives, closing, loads and tests of the outcome are the same, behind our pre-check, and
+the model of an object is compiled once; what differs is MuJoCo's own: soft contacts, elliptic friction cones, the
+Newton solver, implicitfast integration, PD drives as actuators, at our dt. All take turns, an object a round, in one process;
+agreement is about success or not, over candidates that the pre-check lets through, unless it says all.
+"""
+
+import math
+import sys
+import time
+
+import spgf_torch  # noqa: F401  first: it sets how torch's threads wait
+import numpy as np
+from shared.clouds import objects
+from shared.harness import Report
+
+from spgf_torch.config import GRASP_TYPES, EpisodeConfig, HandConfig, SamplerConfig, settings
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.trials.attempts import Trials
+from spgf_torch.trials.candidates import sample_candidates
+from spgf_torch.trials.episode import CHECK_STEPS, DIRECTIONS, Simulator
+from spgf_torch.trials.hand import Hand, load_hand
+from spgf_torch.trials.precheck import PreCheck
+from spgf_torch.trials.runner import execute
+
+OBJECTS, CANDIDATES = 10, 40
+EPISODE = settings(EpisodeConfig)
+FINE = settings(EpisodeConfig, dt=1 / 2000)
+
+
+class Mujoco:
+    """The episode of `trials.episode` in MuJoCo, for one object and grasp type.
+
+    The hand's base is the world's frame; the object is placed in it and all loads act on the object as forces, turned
+    into that frame.
+    """
+
+    def __init__(self, mujoco, obj: GraspObject, hand: Hand, kind: str) -> None:
+        self.mj, self.obj, self.hand, self.preshape = mujoco, obj, hand, hand.preshapes[kind]
+        spec = mujoco.MjSpec.from_string(hand.urdf.read_text())
+        spec.option.timestep, spec.option.gravity = EPISODE.dt, [0, 0, 0]
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        spec.compiler.boundmass = spec.compiler.boundinertia = 1e-9
+        for geom in spec.geoms:
+            geom.contype, geom.conaffinity, geom.friction = 1, 0, [EPISODE.friction, 0.005, 1e-4]
+        for joint in list(spec.joints):
+            joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
+        moments, axes = np.linalg.eigh(obj.inertia)
+        axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+        body = spec.worldbody.add_body(name="object", mass=obj.mass, ipos=obj.com, inertia=moments, iquat=_quaternion(mujoco, axes))
+        body.explicitinertial = True
+        body.add_freejoint()
+        for number, part in enumerate(obj.parts):
+            name = f"part{number}"
+            spec.add_mesh(name=name, uservert=np.asarray(part, dtype=np.float64).ravel(), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX)
+            geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, mass=0)
+            geom.contype, geom.conaffinity, geom.friction = 0, 1, [EPISODE.friction, 0.005, 1e-4]
+        c = hand.config
+        self.proximal, self.distal = [], []
+        for finger in c.fingers:
+            self.proximal.append(_drive(spec, finger.proximal, c.proximal_stiffness, c.proximal_damping, c.proximal_limit))
+            if finger.distal:
+                self.distal.append(_drive(spec, finger.distal, c.distal_stiffness, c.distal_damping, c.distal_limit))
+        for joint, angle in hand.fixed.items():  # what never moves becomes part of its parent, as in `episode`
+            _weld(mujoco, spec, joint, angle)
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.addresses = [self.model.joint(f.proximal).qposadr[0] for f in c.fingers]
+        self.free = self.model.body("object").jntadr[0]
+        self.pads = [self.model.body(finger.pad_link).id for finger in c.fingers]
+
+    def run(self, T_object_tcp: np.ndarray) -> str:
+        mj, data, config = self.mj, self.data, EPISODE
+        mj.mj_resetData(self.model, data)
+        T_base_object = self.preshape.T_base_tcp @ np.linalg.inv(T_object_tcp)
+        self.R = T_base_object[:3, :3]
+        self.place = self.model.jnt_qposadr[self.free]
+        data.qpos[self.place : self.place + 3] = T_base_object[:3, 3]
+        data.qpos[self.place + 3 : self.place + 7] = _quaternion(mj, self.R)
+        for name, value in self.preshape.joints.items():
+            if name not in self.hand.fixed:
+                data.qpos[self.model.joint(name).qposadr[0]] = value
+        for actuator in self.proximal + self.distal:
+            data.actuator(actuator).ctrl[0] = self.preshape.joints[actuator]
+        mj.mj_forward(self.model, data)
+        self.close()
+        if not self.touching():
+            return "missed"
+        for _ in range(round(config.settle_time / config.dt)):
+            self.follow()
+            mj.mj_step(self.model, data)
+        if len(self.touching()) < 2:
+            return "missed"
+        start = data.qpos[self.place : self.place + 7].copy()
+        gravity = np.array([0.0, 0.0, -config.gravity])
+        loads = [(gravity - [0, 0, config.hold_acceleration], config.hold_time)]
+        loads += [(gravity + config.shake_acceleration * way, config.shake_time) for way in DIRECTIONS]
+        for acceleration, duration in loads:
+            data.xfrc_applied[self.model.body("object").id, :3] = self.obj.mass * (self.R @ acceleration)
+            steps = round(duration / config.dt)
+            for step in range(1, steps + 1):
+                mj.mj_step(self.model, data)
+                if (step % CHECK_STEPS == 0 or step == steps) and (failure := self.failure(start)):
+                    return failure
+        return "success" if len(self.touching()) == 2 else "dropped"
+
+    def close(self) -> None:
+        config, data, hand = self.hand.config, self.data, self.hand
+        lead, stride = config.closing_torque / config.proximal_stiffness, config.closing_speed * EPISODE.dt
+        window, dof = max(1, round(EPISODE.stall_window / EPISODE.dt)), self.model.jnt_dofadr[self.free]
+        targets = [hand.closing * float(data.qpos[a]) for a in self.addresses]
+        before, still = list(targets), 0
+        self.model.dof_damping[dof : dof + 3] = EPISODE.damping * self.obj.mass
+        self.model.dof_damping[dof + 3 : dof + 6] = EPISODE.damping * np.trace(self.obj.inertia) / 3
+        for step in range(1, round(EPISODE.close_time / EPISODE.dt) + 1):
+            for k, (name, a) in enumerate(zip(self.proximal, self.addresses, strict=True)):
+                targets[k] = max(targets[k], min(targets[k] + stride, hand.closing * float(data.qpos[a]) + lead))
+                data.actuator(name).ctrl[0] = hand.closing * targets[k]
+            self.follow()
+            self.mj.mj_step(self.model, data)
+            if step % window == 0:
+                now = [hand.closing * float(data.qpos[a]) for a in self.addresses]
+                moved = max(abs(a - b) for a, b in zip(now, before, strict=True))
+                before, still = now, still + 1 if moved < EPISODE.stall_motion else 0
+                if still == 2:
+                    break
+        self.model.dof_damping[dof : dof + 6] = 0
+
+    def follow(self) -> None:
+        for name, a in zip(self.distal, self.addresses, strict=True):
+            self.data.actuator(name).ctrl[0] = -float(self.data.qpos[a])
+
+    def failure(self, start: np.ndarray) -> str | None:
+        now = self.data.qpos[self.place : self.place + 7]
+        R, R0 = _rotation(self.mj, now[3:]), _rotation(self.mj, start[3:])
+        tcp = self.preshape.T_base_tcp[:3, 3]
+        if math.dist(R @ R0.T @ (tcp - start[:3]) + now[:3], tcp) > EPISODE.max_slip:
+            return "slipped" if len(self.touching()) == 2 else "dropped"
+        return "rotated" if (np.trace(R @ R0.T) - 1) / 2 < math.cos(math.radians(EPISODE.max_rotation_deg)) else None
+
+    def touching(self) -> set[int]:
+        thing, found, force = self.model.body("object").id, set(), np.zeros(6)
+        for i, contact in enumerate(self.data.contact[: self.data.ncon]):
+            bodies = set(self.model.geom_bodyid[contact.geom])
+            self.mj.mj_contactForce(self.model, self.data, i, force)
+            if thing in bodies and force[0] > 0:
+                found |= {k for k, pad in enumerate(self.pads) if pad in bodies}
+        return found
+
+
+def _drive(spec, joint: str, stiffness: float, damping: float, limit: float) -> str:
+    actuator = spec.add_actuator(name=joint, target=joint, trntype=3 if False else 0)
+    actuator.set_to_position(kp=stiffness, kv=damping)
+    actuator.forcelimited, actuator.forcerange = 1, [-limit, limit]
+    return joint
+
+
+def _weld(mujoco, spec, name: str, angle: float) -> None:
+    """Turn the joint's body to the angle and take the joint away."""
+    joint = spec.joint(name)
+    body, axis, turn = joint.parent, np.array(joint.axis), np.zeros(4)
+    mujoco.mju_axisAngle2Quat(turn, axis, angle)
+    result = np.zeros(4)
+    mujoco.mju_mulQuat(result, np.array(body.quat), turn)
+    body.quat = result
+    spec.delete(joint)
+
+
+def _quaternion(mujoco, rotation: np.ndarray) -> np.ndarray:
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
+    return quaternion
+
+
+def _rotation(mujoco, quaternion: np.ndarray) -> np.ndarray:
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, np.ascontiguousarray(quaternion))
+    return matrix.reshape(3, 3)
+
+
+def tried(attempt, candidates: np.ndarray) -> tuple[list[bool], float]:
+    start = time.perf_counter()
+    held = [attempt(T) == "success" for T in candidates]
+    return held, time.perf_counter() - start
+
+
+def main(count: int) -> None:
+    report = Report("trials", " ".join(__doc__.split("\n\n")[2].split()))
+    report.skip("trials on cuda: PhysX on the CPU is what repeats bit for bit")
+    mujoco, hand = report.peer("mujoco"), load_hand(settings(HandConfig))
+    held: dict[str, list[bool]] = {}
+    seconds: dict[str, float] = {}
+    everything, requests = [], []
+    for number, obj in enumerate(objects()[:OBJECTS]):
+        for kind in GRASP_TYPES:
+            start = time.perf_counter()
+            T = sample_candidates(obj, count, settings(SamplerConfig), np.random.default_rng(number))
+            check, simulator = PreCheck(obj, hand.preshapes[kind]), Simulator(obj, hand, EPISODE)
+            requests.append((obj, kind, T))
+            candidates = T.numpy()
+            free = np.array([not check.collides(pose) for pose in candidates])
+            seconds["pre-check"] = seconds.get("pre-check", 0) + time.perf_counter() - start
+            everything.append((free, obj.name, kind))
+            fine = Simulator(obj, hand, FINE)
+            methods = {
+                "ours": lambda T, s=simulator, k=kind: s.run(T, k),
+                "dt 1/2000": lambda T, s=fine, k=kind: s.run(T, k),
+                "naive": lambda T, o=obj, k=kind: Simulator(o, hand, EPISODE).run(T, k),
+            }
+            if mujoco:
+                episode = Mujoco(mujoco, obj, hand, kind)
+                methods["mujoco"] = episode.run
+            for name, attempt in methods.items():
+                outcome, taken = tried(attempt, candidates if name == "naive" else candidates[free])
+                held.setdefault(name, []).extend(outcome)
+                seconds[name] = seconds.get(name, 0) + taken
+    free = np.concatenate([part for part, _, _ in everything])
+    truth = np.array(held["dt 1/2000"])
+    naive_truth = np.zeros(len(free), dtype=bool)
+    naive_truth[free] = truth
+    agreement = {name: float(np.mean(np.array(held[name]) == truth)) for name in held if name != "naive"}
+    agreement["naive"] = float(np.mean(np.array(held["naive"]) == naive_truth))
+    whole = seconds["ours"] + seconds["pre-check"]
+    per_second = {name: (len(free) if name == "naive" else int(free.sum())) / seconds[name] for name in held}
+    for name in held:
+        report.row(
+            method=name,
+            trials=len(held[name]),
+            trials_per_s=per_second[name],
+            success=float(np.mean(held[name])),
+            agreement_with_fine=agreement[name],
+        )
+    start = time.perf_counter()
+    outcomes = list(execute(requests, Trials(hand, EPISODE), workers=2))
+    both = len(free) / (time.perf_counter() - start)
+    report.row(method="ours, two processes, starts included", trials=sum(map(len, outcomes)), trials_per_s=both)
+    ours = len(free) / whole
+    report.figure("candidates/s, one process (two with their start)", ">= 200 on 2 cores", f"{ours:.0f} ({both:.0f})")
+    report.figure(
+        "outcomes as at dt 1/2000, free candidates / all",
+        ">= 99 %",
+        f"{agreement['ours']:.1%} / {1 - (1 - agreement['ours']) * free.mean():.1%} of {free.sum()} / {len(free)}",
+    )
+    report.figure(
+        "candidates/s over a naive SAPIEN loop",
+        "",
+        f"{ours / per_second['naive']:.1f} (whose outcomes are right for {agreement['naive']:.1%} of all)",
+    )
+    if mujoco:
+        report.figure(
+            "free trials/s over the same episode in MuJoCo",
+            "",
+            f"{per_second['ours'] / per_second['mujoco']:.2f} (which agrees in {agreement['mujoco']:.1%})",
+        )
+    report.write()
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else CANDIDATES)
