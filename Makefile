@@ -17,7 +17,9 @@ check: $(READY)
 	$(BIN)/mypy
 
 bench: $(READY)
+	$(BIN)/python -m pip install --quiet --editable '.[peers]'
 	for file in tests/benchmarks/*.py; do $(BIN)/python $$file || exit 1; done
+	$(BIN)/python tests/benchmarks/shared/table.py
 
 # Installed once; again only when the list of dependencies changes.
 $(READY): pyproject.toml

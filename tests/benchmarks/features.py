@@ -2,15 +2,19 @@
 
     python tests/benchmarks/features.py [points ...]
 
-The clouds are texlets as the package makes them (5 mm apart, some 60 to 90 within 3 cm). Larger clouds show more objects
-side by side, so that the density stays what it is: 100,000 texlets are the fifty objects twice. Normals are given to
-both. FPFH gets its points as Open3D wants them, in float64, before the clock starts. SPGF's time includes its alignment
-and poses; FPFH has none.
+The clouds are texlets as the package makes them (5 mm apart, some 50 to 90 within 3 cm). Larger clouds show more
+objects side by side, so that the density stays what it is: 100,000 texlets are the fifty objects twice. Normals are
+given to both. FPFH gets its points as Open3D wants them, in float64, before the clock starts. SPGF's time includes its
+alignment and poses; FPFH has none.
 """
 
-import sys
+import spgf_torch  # noqa: F401  before torch: it sets how torch's threads wait
 
-import spgf_torch  # noqa: F401  first: it sets how torch's threads wait
+# isort: split
+
+import sys
+from functools import partial
+
 from shared.clouds import cloud
 from shared.harness import Report, take_turns, threads
 
@@ -31,14 +35,12 @@ def main(sizes: list[int]) -> None:
     for size in sizes:
         positions, normals = cloud(size)
         neighbours = 2 * sum(len(i) for i, _ in half_pairs(positions, config.radius)) / size
-        methods = {
-            device: lambda p=positions.to(device), n=normals.to(device): spgf(p, n, config) for device in devices
-        }
+        methods = {device: partial(spgf, positions.to(device), normals.to(device), config) for device in devices}
         if open3d:
             points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(positions.double().numpy()))
             points.normals = open3d.utility.Vector3dVector(normals.double().numpy())
             search = open3d.geometry.KDTreeSearchParamRadius(config.radius)
-            methods["FPFH"] = lambda p=points, s=search: open3d.pipelines.registration.compute_fpfh_feature(p, s)
+            methods["FPFH"] = partial(open3d.pipelines.registration.compute_fpfh_feature, points, search)
         for count in (1, 2):
             with threads(count):
                 seconds = take_turns(methods, rounds=max(3, min(21, 60_000 // size)))

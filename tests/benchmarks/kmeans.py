@@ -7,13 +7,16 @@ turns in one run, a seed a round, on one thread; medians over rounds. ARI: adjus
 of each method's seeds. `quick` is our fit with a smaller search (`QUICK`).
 """
 
+import spgf_torch  # noqa: F401  before torch: it sets how torch's threads wait
+
+# isort: split
+
 import statistics
 import sys
 import time
 from collections.abc import Callable
 from itertools import combinations
 
-import spgf_torch  # noqa: F401  first: it sets how torch's threads wait
 import numpy as np
 import torch
 from shared.clouds import objects, sensed
@@ -91,7 +94,11 @@ def compare(report: Report, relations: torch.Tensor, K: int) -> None:
     for name in [name for name in fits if name != "ours"]:
         lower, faster = medians["ours"][0] / medians[name][0], medians[name][1] / medians["ours"][1]
         asked = {"KMeans(n_init=10)": "inertia <= 1", "MiniBatchKMeans": "speed >= 1"}.get(name, "")
-        report.figure(f"k-means, K = {K}: inertia ours / theirs, speed ours over theirs: {name}", asked, f"{lower:.3f}, {faster:.2f}")
+        report.figure(
+            f"k-means, K = {K}: inertia ours / theirs, speed ours over theirs: {name}",
+            asked,
+            f"{lower:.3f}, {faster:.2f}",
+        )
 
 
 if __name__ == "__main__":

@@ -7,14 +7,16 @@ and removed. Points lie on the surfaces of shipped objects, with the normals of 
 size is measured in a process of its own, for the peak of memory, of which the model takes a part that is told.
 """
 
+import spgf_torch  # before torch: it sets how torch's threads wait
+
+# isort: split
+
 import json
 import resource
 import subprocess
 import sys
 import time
-from pathlib import Path
 
-import spgf_torch
 import numpy as np
 import torch
 from shared.clouds import objects
@@ -42,7 +44,9 @@ def scene(size: str, rng: np.random.Generator) -> Cloud:
     if size == "one":
         number = min(range(30), key=lambda i: abs(objects()[i].mesh.area - AREA))
         return Cloud(*surface(number, POINTS[size], rng))
-    table = np.hstack([rng.uniform([-0.2, -0.2], [1.7, 1.4], (2 * POINTS[size] // 5, 2)), np.zeros((2 * POINTS[size] // 5, 1))])
+    table = np.hstack(
+        [rng.uniform([-0.2, -0.2], [1.7, 1.4], (2 * POINTS[size] // 5, 2)), np.zeros((2 * POINTS[size] // 5, 1))]
+    )
     parts = [(table, np.tile([0.0, 0.0, 1.0], (len(table), 1)))]
     areas = np.array([objects()[i].mesh.area for i in range(30)])
     counts = (areas / areas.sum() * (POINTS[size] - len(table))).astype(int)
@@ -50,7 +54,7 @@ def scene(size: str, rng: np.random.Generator) -> Cloud:
     for i, count in enumerate(counts):
         points, normals = surface(i, int(count), rng)
         lowest = objects()[i].mesh.bounds[0, 2]
-        parts.append((points + [0.3 * (i % 6), 0.3 * (i // 6), 0.001 - lowest], normals))
+        parts.append((points + np.array([0.3 * (i % 6), 0.3 * (i // 6), 0.001 - lowest]), normals))
     return Cloud(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
@@ -70,7 +74,9 @@ def stages(predictor: "spgf_torch.predictor.Predictor", cloud: Cloud, size: str)
     generator = torch.Generator().manual_seed(0)
     features = descriptor(proposer.features)(positions, normals, proposer.features, generator)
     lap("features")
-    plane = None if found.plane is None else spgf_torch.predictor.Plane.of(tuple(found.plane[:3]), -float(found.plane[3]))
+    plane = (
+        None if found.plane is None else spgf_torch.predictor.Plane.of(tuple(found.plane[:3]), -float(found.plane[3]))
+    )
     proposals = proposer.propose_from(features, positions, plane)
     lap("proposals")
     grasps = predictor.grasps(proposals, 10)

@@ -3,13 +3,14 @@
     python tests/benchmarks/sensing.py
 
 One ray a pixel of the cameras of conf/sensing, cropped to the object as `sense` does. `cast` gives depth and angle of
-incidence, in float64. The peers give the places of the first hits: `mesh.ray` of trimesh with embree, and its own
-ray-triangle tests in numpy (on some of the rays, drawn at random). All on one thread.
+incidence, in float64. The peer gives the places of the first hits: `mesh.ray` of trimesh, with embree. One thread.
 """
 
-import spgf_torch  # noqa: F401  first: it sets how torch's threads wait
+import spgf_torch  # noqa: F401  before torch: it sets how torch's threads wait
+
+# isort: split
+
 import numpy as np
-import trimesh
 from shared.clouds import objects
 from shared.harness import Report, take_turns, threads
 
@@ -18,20 +19,19 @@ from spgf_torch.sensing.cameras import cast, crop, surround
 from spgf_torch.sensing.sense import sense
 
 OBJECTS, ROUNDS = 8, 5
-SAMPLE = 200  # rays for numpy, of each object
 
 
 def main() -> None:
     report = Report("sensing", " ".join(__doc__.split("\n\n")[2].split()))
     report.skip("sensing on cuda: embree works on the CPU")
     config, chosen = settings(SensingConfig), objects()[:OBJECTS]
-    views = [(obj.mesh, crop(c, obj.mesh.bounds, 1)) for obj in chosen for c in surround(config, obj.mesh.bounds.mean(0))]
+    views = [
+        (obj.mesh, crop(c, obj.mesh.bounds, 1)) for obj in chosen for c in surround(config, obj.mesh.bounds.mean(0))
+    ]
     rays = []
     for mesh, camera in views:
         directions = camera.rays().reshape(-1, 3) @ camera.T_object_camera[:3, :3].T
         rays.append((mesh, np.tile(camera.T_object_camera[:3, 3], (len(directions), 1)), directions))
-    rng = np.random.default_rng(0)
-    few = [(m, o[pick], d[pick]) for m, o, d in rays for pick in [rng.integers(len(o), size=SAMPLE)]]
     count = sum(len(directions) for _, _, directions in rays)
     methods = {
         "cast": lambda: [cast(mesh, camera) for mesh, camera in views],
@@ -40,23 +40,13 @@ def main() -> None:
     }
     with threads(1):
         seconds = take_turns(methods, ROUNDS)
-        numpy_rays = [trimesh.ray.ray_triangle.RayMeshIntersector(mesh) for mesh, _, _ in few]
-        slow = {
-            "trimesh, numpy": lambda: [
-                ray.intersects_location(o, d, multiple_hits=False)
-                for ray, (_, o, d) in zip(numpy_rays, few, strict=True)
-            ]
-        }
-        seconds |= take_turns(slow, rounds=1, warm=False)
-    counts = {"trimesh, numpy": SAMPLE * len(few)}
-    speed = {name: counts.get(name, count) / value for name, value in seconds.items()}
+    speed = {name: count / value for name, value in seconds.items()}
     for name, per_second in speed.items():
-        report.row(method=name, rays=counts.get(name, count), rays_per_s=round(per_second))
+        report.row(method=name, rays=count, rays_per_s=round(per_second))
     report.figure(
-        "depth and incidence, rays/s over trimesh's ray API with embree / in numpy",
+        "depth and incidence, rays/s over trimesh's ray API with embree",
         "",
-        f"{speed['cast'] / speed['trimesh with embree']:.2f} / {speed['cast'] / speed['trimesh, numpy']:,.0f} "
-        f"({speed['cast'] / 1e6:.2f} million/s)",
+        f"{speed['cast'] / speed['trimesh with embree']:.2f} ({speed['cast'] / 1e6:.2f} million/s)",
     )
     report.figure(
         "an object sensed by four cameras, noise and texlets included", "", f"{1e3 * seconds['sense'] / OBJECTS:.0f} ms"

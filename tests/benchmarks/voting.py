@@ -9,9 +9,13 @@ within reach, the particles of its prototype and type, each with its distance in
 Gaussian kernel; timed on some of the pairs, drawn at random, and scaled to all.
 """
 
-import math
+import spgf_torch  # noqa: F401  before torch: it sets how torch's threads wait
 
-import spgf_torch  # noqa: F401  first: it sets how torch's threads wait
+# isort: split
+
+import math
+from functools import partial
+
 import torch
 from shared.clouds import objects, sensed
 from shared.harness import Report, take_turns, threads
@@ -25,7 +29,6 @@ from spgf_torch.affordance.ranking import judge
 from spgf_torch.affordance.voting import VotingIndex
 from spgf_torch.config import AffordanceConfig, FeatureConfig, root, settings
 from spgf_torch.features.spgf import spgf
-from spgf_torch.geometry import se3
 from spgf_torch.prototypes.kmeans import assign, kmeans_plusplus, lloyd
 from spgf_torch.trials.table import read_table
 
@@ -118,8 +121,8 @@ def main() -> None:
         wanted = ids[within.feature[chosen]] * 2 + grasp_type[within.grasp[chosen]]
         asked = (within.position[chosen], within.quaternion[chosen])
         methods = {device: lambda d=device: voted(d) for device in devices}
-        methods["brute force, sample"] = lambda: brute_force(asked, wanted, held)
-        methods["condense"] = lambda: learn(examples, centres, CONFIG)
+        methods["brute force, sample"] = partial(brute_force, asked, wanted, held)
+        methods["condense"] = partial(learn, examples, centres, CONFIG)
         with threads(2):
             seconds = take_turns(methods, rounds=3)
         brute = seconds["brute force, sample"] * len(within.feature) / SAMPLE
