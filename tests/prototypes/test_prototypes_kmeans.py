@@ -1,8 +1,5 @@
 """The steps of k-means: by hand, against loops in float64, and their symmetries."""
 
-import subprocess
-import sys
-
 import pytest
 import torch
 from torch import Tensor
@@ -169,8 +166,3 @@ def test_plusplus_draws_by_squared_distance() -> None:
 def test_canonical_order_is_by_count_then_coordinates() -> None:
     centres = torch.tensor([[2.0, 0.0], [1.0, 5.0], [1.0, 4.0], [0.0, 0.0]])
     assert canonical_order(centres, torch.tensor([7, 7, 7, 9])).tolist() == [3, 2, 1, 0]
-
-
-def test_steps_import_without_lightning() -> None:
-    program = "import sys, spgf_torch.prototypes.search; sys.exit(any('lightning' in name for name in sys.modules))"
-    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
