@@ -115,7 +115,7 @@ def analyse(space: ShapeGraspSpace, points: Points, without: Tensor, lattice: La
         without (Q,) int64: the group whose particles are left out for this point; the number of groups for none.
     """
     views = len(space.groups) + 1
-    key, order = _sorted_with_order((points.slice.long() * views + without) * lattice.cells + points.cell)
+    key, order = sorted_with_order((points.slice.long() * views + without) * lattice.cells + points.cell)
     distinct, inverse = torch.unique_consecutive(key, return_inverse=True)
     bounds = torch.arange(space.slices * views + 1, device=key.device) * lattice.cells
     start = torch.searchsorted(distinct, bounds)
@@ -237,7 +237,7 @@ def _sorted(key: Tensor) -> Tensor:
     return key
 
 
-def _sorted_with_order(key: Tensor) -> tuple[Tensor, Tensor]:
+def sorted_with_order(key: Tensor) -> tuple[Tensor, Tensor]:
     """The keys, ascending, and their order; on a CPU by numpy's vectorised sort."""
     order = torch.from_numpy(np.argsort(key.numpy())) if key.device.type == "cpu" else key.argsort()
     return key.index_select(0, order), order

@@ -76,8 +76,8 @@ def pairs_within(T_object_feature: Tensor, T_object_grasp: Tensor, reach: float)
     within = origin.square().sum(1) <= reach**2
     feature, grasp = within.nonzero(as_tuple=True)
     flat = feature * len(T_object_grasp) + grasp
-    position = torch.stack([origin[:, i].flatten()[flat] for i in range(3)], dim=1)
-    quaternion = torch.stack([rotation[:, i].flatten()[flat] for i in range(4)], dim=1)
+    position = torch.stack([origin[:, i].flatten().index_select(0, flat) for i in range(3)], dim=1)
+    quaternion = torch.stack([rotation[:, i].flatten().index_select(0, flat) for i in range(4)], dim=1)
     return Pairs(feature, grasp, position, quaternion)
 
 

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.lattice import Lattice
-from spgf_torch.affordance.neighbourhood import Condensed, Counts
+from spgf_torch.affordance.neighbourhood import Condensed, Counts, sorted_with_order
 from spgf_torch.affordance.particles import Points
 from spgf_torch.threads import in_parts
 
@@ -43,7 +43,7 @@ class VotingIndex:
     """Finds condensed points by slice and cell.
 
     A dense table of one slice at a time would be fastest but holds `lattice.cells` entries a slice; sorted
-    keys with a binary search hold one entry a point and are as fast for sorted queries.
+    keys with a binary search hold one entry a point and are nearly as fast for sorted queries.
     """
 
     def __init__(self, condensed: Condensed, lattice: Lattice) -> None:
@@ -55,8 +55,10 @@ class VotingIndex:
         if len(self.key) == 0:
             return torch.full_like(cell, NO_POINT)
         query = slice_ * self.lattice.cells + cell
-        found = torch.searchsorted(self.key, query).clamp_(max=len(self.key) - 1)
-        return torch.where(self.key[found] == query, found, NO_POINT)
+        ascending, order = sorted_with_order(query)  # neighbours in memory are asked for together: twice as fast
+        at = torch.searchsorted(self.key, ascending).clamp_(max=len(self.key) - 1)
+        found = torch.where(self.key.index_select(0, at) == ascending, at, NO_POINT)
+        return torch.empty_like(found).scatter_(0, order, found)
 
 
 def cast_votes(index: VotingIndex, points: Points, grasp: Tensor) -> Votes:
@@ -67,8 +69,9 @@ def cast_votes(index: VotingIndex, points: Points, grasp: Tensor) -> Votes:
         slice_, cell, prototype, voted_on = part
         point = index.find(slice_.long(), cell.long())
         found = (point != NO_POINT).nonzero()[:, 0]
-        point = point[found]
-        return voted_on[found], prototype[found].long(), condensed.probability[point], condensed.support[point]
+        point = point.index_select(0, found)
+        learned = (column.index_select(0, point) for column in (condensed.probability, condensed.support))
+        return voted_on.index_select(0, found), prototype.index_select(0, found).long(), *learned
 
     columns = (points.slice, points.cell, points.prototype, grasp)
     parts = zip(*(column.split(TOGETHER[grasp.device.type == "cpu"]) for column in columns), strict=True)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -25,10 +24,11 @@ from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
 from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.texlets import Texlets
+from spgf_torch.threads import in_parts
 
 T = TypeVar("T")
 
-# Objects described at once: numpy, torch and embree let go of the interpreter while they work.
+# Objects described at once, at most: numpy, torch and embree let go of the interpreter while they work.
 THREADS = 2
 
 # The settings that pairs of features and grasps depend on; the others are about what is learned from them.
@@ -93,9 +93,8 @@ class Description:
                 count = sum(not steps.made & set(made) for steps in all_steps)
                 return f", {count} from the cache" if count else ""
 
-            threads = min(THREADS, torch.get_num_threads())
-            with stages.stage(stage, len(objects), "objects", kept) as advance, ThreadPoolExecutor(threads) as pool:
-                return [(advance(1), done)[1] for done in pool.map(work, all_steps)]
+            with stages.stage(stage, len(objects), "objects", kept) as advance:
+                return [(advance(1), done)[1] for done in in_parts(work, all_steps, THREADS)]
 
         in_turn("sensing", Steps.sense_if_needed, "texlets")
         in_turn("features", lambda steps: steps.features, "features")

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
 
-import torch
 from torch import Tensor
 
 from spgf_torch.affordance.model import GraspModel, learn
@@ -15,11 +13,12 @@ from spgf_torch.cache import Cache, fingerprint, program
 from spgf_torch.config import AffordanceConfig, PrototypeConfig
 from spgf_torch.experiment.space import Example
 from spgf_torch.prototypes.kmeans import assign
+from spgf_torch.threads import in_parts
 
 T = TypeVar("T")
 R = TypeVar("R")
 
-# Folds at work at once, each on one thread: what is between their torch calls runs side by side too.
+# Folds at work at once, at most, each on one thread: what is between their torch calls runs side by side too.
 THREADS = 2
 
 
@@ -51,9 +50,8 @@ def learn_model(examples: Sequence[Example], centres: Tensor, config: Affordance
 
 def side_by_side(work: Callable[[T], R], items: Iterable[T], advance: Callable[[int], None]) -> list[R]:
     """`work` of each item, in order, on threads in which torch uses one thread each."""
-    with ThreadPoolExecutor(THREADS, initializer=lambda: torch.set_num_threads(1)) as pool:
-        results = []
-        for result in pool.map(work, items):
-            results.append(result)
-            advance(1)
-        return results
+    results = []
+    for result in in_parts(work, items, THREADS):
+        results.append(result)
+        advance(1)
+    return results
