@@ -8,11 +8,14 @@ in which torch uses one thread each. How many: as many as torch may use, which O
 
 from __future__ import annotations
 
+import os
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import lru_cache
+from itertools import chain, islice
 from typing import TypeVar
 
 import torch
@@ -26,18 +29,33 @@ def in_parts(work: Callable[[T], R], parts: Iterable[T], most: int | None = None
 
     Parts are taken as they are needed: few are in memory at once.
     """
-    threads = min(torch.get_num_threads(), most or sys.maxsize)
-    if threads == 1:
-        yield from map(work, parts)
+    threads, parts = min(torch.get_num_threads(), most or sys.maxsize), iter(parts)
+    first = list(islice(parts, 2))
+    if threads == 1 or len(first) < 2:
+        yield from map(work, chain(first, parts))
         return
     waiting: deque[Future[R]] = deque()
-    with one_thread(), ThreadPoolExecutor(threads, initializer=lambda: torch.set_num_threads(1)) as pool:
-        for part in parts:
-            waiting.append(pool.submit(work, part))
-            if len(waiting) > threads + 1:
+    with one_thread():
+        try:
+            for part in chain(first, parts):
+                waiting.append(_pool(threads).submit(work, part))
+                if len(waiting) > threads + 1:
+                    yield waiting.popleft().result()
+            while waiting:
                 yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
+        finally:
+            for future in waiting:
+                future.cancel()
+
+
+@lru_cache(maxsize=1)
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Kept from call to call: on a busy machine it takes milliseconds until a thread runs."""
+    return ThreadPoolExecutor(threads, "spgf_torch", initializer=lambda: torch.set_num_threads(1))
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked process has no threads but one
 
 
 @contextmanager

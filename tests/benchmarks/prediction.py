@@ -61,14 +61,14 @@ def scene(size: str, rng: np.random.Generator) -> Cloud:
 def stages(predictor: "spgf_torch.predictor.Predictor", cloud: Cloud, size: str) -> dict[str, float]:
     """Seconds of each stage of one prediction, and how much it was of what."""
     taken, proposer = {}, predictor.proposer
-    changes = {} if size == "one" else {"table": "find"}
+    config = settings(SceneConfig, **({} if size == "one" else {"table": "find"}))
     clock = time.perf_counter()
 
     def lap(name: str) -> None:
         nonlocal clock
         taken[name], clock = time.perf_counter() - clock, time.perf_counter()
 
-    found = scene_of_clouds([cloud], settings(SceneConfig, **changes), predictor.sensing, np.random.default_rng(0))
+    found = scene_of_clouds([cloud], config, predictor.sensing, np.random.default_rng(0))
     lap("texlets")
     positions, normals = found.texlets.positions, found.texlets.normals
     generator = torch.Generator().manual_seed(0)

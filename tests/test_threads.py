@@ -1,0 +1,42 @@
+"""Work shared among threads: in order, few parts at once, errors and early ends leave nothing changed."""
+
+from collections.abc import Iterator
+
+import pytest
+import torch
+
+from spgf_torch.threads import in_parts
+
+
+@pytest.fixture(params=[1, 2])
+def threads(request) -> Iterator[int]:
+    before = torch.get_num_threads()
+    torch.set_num_threads(request.param)
+    yield request.param
+    assert torch.get_num_threads() == request.param
+    torch.set_num_threads(before)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 50])
+def test_results_come_in_order(threads, count):
+    assert list(in_parts(lambda i: (i, torch.get_num_threads()), range(count))) == [
+        (i, 1 if count > 1 else threads) for i in range(count)
+    ]
+
+
+def test_parts_are_taken_as_they_are_needed(threads):
+    taken = []
+    results = in_parts(lambda i: i, (taken.append(i) or i for i in range(100)))
+    assert next(results) == 0
+    assert len(taken) <= threads + 3
+    results.close()
+
+
+def test_an_error_is_the_callers(threads):
+    with pytest.raises(ZeroDivisionError):
+        list(in_parts(lambda i: 1 // (3 - i), range(10)))
+
+
+def test_work_within_work_does_not_wait_for_itself(threads):
+    inner = lambda i: sum(in_parts(lambda j: i * j, range(4)))  # noqa: E731
+    assert list(in_parts(inner, range(8))) == [6 * i for i in range(8)]
