@@ -21,7 +21,7 @@ DRAWN = 6  # grasps of a type: more hide each other
 
 
 def scene_picture(scene: Scene) -> Figure:
-    """The cloud with the best open hands of each type as outlines, red (probability 0) to green (1), and their ranks."""
+    """The cloud with the best open hands of each type as outlines, red (probability 0) to green (1), with ranks."""
     kinds = sorted({grasp.type for grasp in scene.grasps}) or [""]
     with mpl.rc_context(LETTERS):
         figure = Figure(figsize=(PANEL[0] * len(kinds), PANEL[1]))
