@@ -14,15 +14,15 @@ import spgf_torch  # noqa: F401  before torch: it sets how torch's threads wait
 # isort: split
 
 import math
+from dataclasses import dataclass
 from functools import partial
 
 import torch
 from shared.clouds import objects, sensed
-from shared.harness import Report, take_turns, threads
+from shared.harness import Report, processor, take_turns, threads
 from torch import Tensor
 
-from spgf_torch.affordance.lattice import Lattice
-from spgf_torch.affordance.model import kernel_of, learn, vote
+from spgf_torch.affordance.model import learn, vote
 from spgf_torch.affordance.pairs import CellPairs, cell_pairs, lattice_of, points_of
 from spgf_torch.affordance.particles import pairs_within
 from spgf_torch.affordance.ranking import judge
@@ -66,82 +66,89 @@ def particles(centres: Tensor, wanted: int, generator: torch.Generator) -> list[
     return found
 
 
-def brute_force(
-    asked: tuple[Tensor, Tensor], pairs: Tensor, held: tuple[Tensor, ...], by_slice: list[Tensor]
-) -> Tensor:
-    """(P, 2) successes and particles around each pair: all particles of the slice, weighted by the kernel."""
-    position, quaternion, success = held
-    found = torch.zeros(len(pairs), 2)
-    for i, slice_ in enumerate(pairs.tolist()):
-        members = by_slice[slice_]
-        apart = (position[members] - asked[0][i]).square().sum(1)
-        angle = 2 * torch.acos((quaternion[members] @ asked[1][i]).abs().clamp_(max=1))
-        sigma = math.radians(CONFIG.kernel_deg)
+def brute_force(asked: tuple[Tensor, Tensor], slices: Tensor, held: list[tuple[Tensor, ...]]) -> Tensor:
+    """(P, 2) successes and particles around each pair: all particles of its slice, weighted by the kernel."""
+    found, sigma = torch.zeros(len(slices), 2), math.radians(CONFIG.kernel_deg)
+    for i, slice_ in enumerate(slices.tolist()):
+        position, quaternion, success = held[slice_]
+        apart = (position - asked[0][i]).square().sum(1)
+        angle = 2 * torch.acos((quaternion @ asked[1][i]).abs().clamp_(max=1))
         weight = torch.exp(-apart / (2 * CONFIG.kernel**2) - angle.square() / (2 * sigma**2))
         found[i] = torch.stack([weight @ success, weight.sum()])
     return found
 
 
+@dataclass(frozen=True)
+class Question:
+    """Features, poses (F, 4, 4) and prototypes (F,), that vote on grasps (G, 4, 4) of types (G,)."""
+
+    T: Tensor
+    ids: Tensor
+    T_grasp: Tensor
+    grasp_type: Tensor
+
+    def answered(self, index: VotingIndex, device: str) -> Tensor:
+        """(G,) scores, from poses to ranking."""
+        grasp_type = self.grasp_type.to(device)
+        pairs = cell_pairs(self.T.to(device), self.T_grasp.to(device), grasp_type, CONFIG)
+        votes, free = vote(index, pairs, self.ids.to(device)), torch.zeros_like(grasp_type, dtype=torch.bool)
+        return judge(votes, index.condensed.base_rate, grasp_type, free, CONFIG).log_odds
+
+
+def question(centres: Tensor) -> Question:
+    """1500 features of the first object and its 2000 candidates; with fewer features it is asked some of them twice."""
+    T, relations = described(0)
+    rows = torch.arange(FEATURES) % len(T)
+    T_grasp, grasp_type, _ = tried(0)
+    return Question(T[rows], assign(relations[rows], centres), T_grasp[:CANDIDATES], grasp_type[:CANDIDATES])
+
+
+def by_slice(examples: list[tuple[CellPairs, Tensor, Tensor]]) -> list[tuple[Tensor, ...]]:
+    """Position, quaternion and success of the particles of each prototype and type."""
+    parts = [points_of(pairs, ids) for pairs, ids, _ in examples]
+    position, quaternion = lattice_of(CONFIG).centres(torch.cat([part.cell for part in parts]).long())
+    success = torch.cat([success[pairs.grasp.long()] for pairs, _, success in examples]).float()
+    slices = torch.cat([part.slice for part in parts])
+    return [tuple(c[slices == s].contiguous() for c in (position, quaternion, success)) for s in range(2 * K)]
+
+
+def compare(report: Report, size: int, asked: Question, centres: Tensor, devices: list[str]) -> None:
+    generator = torch.Generator().manual_seed(size)
+    examples = particles(centres, size, generator)
+    methods = {"condense": partial(learn, examples, centres, CONFIG)}
+    for device in devices:
+        there = [(on(pairs, device), ids.to(device), success.to(device)) for pairs, ids, success in examples]
+        index = VotingIndex(learn(there, centres.to(device), CONFIG).condensed, lattice_of(CONFIG))
+        methods[device] = partial(asked.answered, index, device)
+    within = pairs_within(asked.T, asked.T_grasp, CONFIG.reach)
+    chosen = torch.randperm(len(within.feature), generator=generator)[:SAMPLE]
+    slices = asked.ids[within.feature[chosen]] * 2 + asked.grasp_type[within.grasp[chosen]]
+    poses = (within.position[chosen], within.quaternion[chosen])
+    methods["brute force"] = partial(brute_force, poses, slices, by_slice(examples))
+    with threads(2):
+        seconds = take_turns(methods, rounds=3)
+        busy = processor(methods["cpu"])
+    seconds["brute force"] *= len(within.feature) / SAMPLE
+    times = seconds["brute force"] / seconds["cpu"]
+    words = {f"seconds_{name.replace(' ', '_')}": value for name, value in seconds.items()}
+    report.row(particles=size, pairs_within_reach=len(within.feature), **words, seconds_of_processor=busy, ratio=times)
+    report.figure(
+        f"voting, {FEATURES} features x {CANDIDATES} candidates x {size:,} particles, 2 threads",
+        {100_000: "<= 1 s", 1_000_000: "<= 5 s, >= 50x"}.get(size, ""),
+        f"{seconds['cpu']:.2f} s (of processor: {busy:.2f} s), "
+        f"{times:,.0f}x brute force (index once a model: {seconds['condense']:.2f} s)",
+    )
+
+
 def main() -> None:
     report = Report("voting", " ".join(__doc__.split("\n\n")[2].split()))
     devices = report.devices()
-    generator = torch.Generator().manual_seed(0)
-    T, relations = described(0)
-    centres = lloyd(relations, kmeans_plusplus(relations, K, 1, generator)[0], 20, 1e-4)
-    rows = torch.arange(FEATURES) % len(T)  # an object with fewer features is asked some of them twice
-    T, ids = T[rows], assign(relations[rows], centres)
-    T_grasp, grasp_type, _ = tried(0)
-    T_grasp, grasp_type = T_grasp[:CANDIDATES], grasp_type[:CANDIDATES]
-    lattice: Lattice = lattice_of(CONFIG)
-    kernel_of(CONFIG, "cpu")
+    relations = described(0)[1]
+    centres = kmeans_plusplus(relations, K, 1, torch.Generator().manual_seed(0))[0]
+    centres = lloyd(relations, centres, 20, 1e-4)
+    asked = question(centres)
     for size in SIZES:
-        examples = particles(centres, size, generator)
-        model = learn(examples, centres, CONFIG)
-        index = {
-            d: VotingIndex(
-                learn([(on(p, d), i.to(d), s.to(d)) for p, i, s in examples], centres.to(d), CONFIG).condensed, lattice
-            )
-            for d in devices
-        }
-
-        def voted(device: str, index: dict[str, VotingIndex] = index) -> Tensor:
-            pairs = cell_pairs(T.to(device), T_grasp.to(device), grasp_type.to(device), CONFIG)
-            votes = vote(index[device], pairs, ids.to(device))
-            free = torch.zeros_like(pairs.grasp_type, dtype=torch.bool)
-            return judge(votes, index[device].condensed.base_rate, pairs.grasp_type, free, CONFIG).log_odds
-
-        parts = [points_of(pairs, i) for pairs, i, _ in examples]
-        position, quaternion = lattice.centres(torch.cat([part.cell for part in parts]).long())
-        success = torch.cat([s[pairs.grasp.long()] for pairs, _, s in examples]).float()
-        slices = torch.cat([part.slice for part in parts])
-        columns = (position, quaternion, success)
-        held = [tuple(column[slices == s].contiguous() for column in columns) for s in range(2 * K)]
-        within = pairs_within(T, T_grasp, CONFIG.reach)
-        chosen = torch.randperm(len(within.feature), generator=generator)[:SAMPLE]
-        wanted = ids[within.feature[chosen]] * 2 + grasp_type[within.grasp[chosen]]
-        asked = (within.position[chosen], within.quaternion[chosen])
-        methods = {device: lambda d=device: voted(d) for device in devices}
-        methods["brute force, sample"] = partial(brute_force, asked, wanted, held)
-        methods["condense"] = partial(learn, examples, centres, CONFIG)
-        with threads(2):
-            seconds = take_turns(methods, rounds=3)
-        brute = seconds["brute force, sample"] * len(within.feature) / SAMPLE
-        times = brute / seconds["cpu"]
-        report.row(
-            particles=size,
-            pairs_within_reach=len(within.feature),
-            condensed_points=len(model.condensed.cell),
-            **{f"seconds_{device}": seconds[device] for device in devices},
-            seconds_condense=seconds["condense"],
-            seconds_brute_force=brute,
-            ratio=times,
-        )
-        limit = {100_000: "<= 1 s", 1_000_000: "<= 5 s, >= 50x"}.get(size, "")
-        report.figure(
-            f"voting, {FEATURES} features x {CANDIDATES} candidates x {size:,} particles, 2 threads",
-            limit,
-            f"{seconds['cpu']:.2f} s, {times:,.0f}x brute force (index once a model: {seconds['condense']:.2f} s)",
-        )
+        compare(report, size, asked, centres, devices)
     report.write()
 
 

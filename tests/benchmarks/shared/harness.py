@@ -97,6 +97,13 @@ def take_turns(methods: dict[str, Callable[[], Any]], rounds: int, warm: bool = 
     return {name: statistics.median(values) for name, values in seconds.items()}
 
 
+def processor(call: Callable[[], Any]) -> float:
+    """Seconds of processor, of all threads together, that a call takes: what a busy machine changes least."""
+    start = time.process_time()
+    call()
+    return time.process_time() - start
+
+
 @contextmanager
 def threads(count: int) -> Iterator[None]:
     """Everybody may use `count` threads: torch, and the OpenMP and BLAS of the peers."""
