@@ -53,4 +53,7 @@ def main(run: str, count: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else "outputs/train/latest", int(sys.argv[2]) if len(sys.argv) > 2 else 8)
+    try:
+        main(sys.argv[1] if len(sys.argv) > 1 else "outputs/train/latest", int(sys.argv[2]) if len(sys.argv) > 2 else 8)
+    except (InputError, ValueError) as error:
+        sys.exit(f"live_loop: {error}")

@@ -203,6 +203,7 @@ class ProposingConfig:
     apart_deg: float = bounded(0.0, 180.0)
     count: int = bounded(1, 100_000)
     plane_clearance: float = bounded(0.0, 1.0)
+    between: float = bounded(0.001, 0.2)
 
 
 @dataclass

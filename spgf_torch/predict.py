@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from spgf_torch.cli import door
-from spgf_torch.config import PredictConfig, SensingConfig, find, typed
+from spgf_torch.config import GRASP_TYPES, PredictConfig, SensingConfig, find, typed
 from spgf_torch.progress import Stages, show
+
+if TYPE_CHECKING:
+    from spgf_torch.exporting.records import Grasp
+
+
+def by_type(grasps: Sequence[Grasp]) -> str:
+    """How many there are of each type: `10 NPG, 10 WPG`."""
+    counted = Counter(grasp.type for grasp in grasps)
+    return ", ".join(f"{counted[kind]} {kind}" for kind in GRASP_TYPES)
 
 
 def run(config: PredictConfig, folder: Path) -> None:
@@ -53,7 +65,8 @@ def run(config: PredictConfig, folder: Path) -> None:
         show(grasp_table(grasps[: config.N], names))
     else:
         show("no grasp: no shape here votes for any that the open hand could reach freely")
-    show(f"{len(grasps)} grasps from {len(scene.texlets)} texlets in {seconds:.2f} s; files and page in {folder}")
+    show(f"{len(grasps)} grasps ({by_type(grasps)}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
+    show(f"files and page in {folder}")
 
 
 if __name__ == "__main__":

@@ -100,7 +100,7 @@ class Predictor:
         return texlets_of(cloud, settings(SceneConfig, **changes), self.sensing, np.random.default_rng(0))
 
     def predict(self, texlets: Texlets, top: int = 10, plane: np.ndarray | None = None) -> list[Grasp]:
-        """The `top` best grasps of each type and of both together, one list, best first; none where nothing votes.
+        """The `top` best grasps of each type, one list by score: up to twice as many; none where nothing votes.
 
         Args:
             plane: (4,) a, b, c, d of a table, a x + b y + c z + d the height above it, m: no hand reaches below it.

@@ -52,7 +52,9 @@ def load_fold_models(run: Path, device: str = "cpu") -> FoldModels:
     """The models that `save_fold_models` left. Raises InputError where there are none, or they are damaged."""
     path = run / FOLDER / LIST
     if not path.is_file():
-        raise InputError(f"{path}: expected the models of a run with fold_models=true, found no such file")
+        raise InputError(
+            f"{path}: expected the models of cross-validation (train fold_models=true leaves them), found no such file"
+        )
     try:
         novel = {
             name: (int(row["fold"]), str(row["digest"]))

@@ -1,4 +1,4 @@
-"""What the open hand would touch: sensed points, and a table."""
+"""What the open hand would touch: sensed points, and a table; and whether there is anything to close on."""
 
 from __future__ import annotations
 
@@ -40,20 +40,40 @@ class Plane:
 
 @dataclass(frozen=True)
 class Clearance:
-    """The open hand of each grasp type, and how far it stays from a table.
+    """The open hand of each grasp type, how far it stays from a table, and where it looks for something to close on.
 
     Attributes:
         volumes: grasp type -> volume of the open hand in the TCP frame.
         plane_clearance: m.
+        between: m about the TCP, across closing and approach, as far as a point counts as between the pads.
     """
 
     volumes: Mapping[str, HandVolume]
     plane_clearance: float
+    between: float
 
     @cached_property
     def corners(self) -> dict[str, Tensor]:
         """Grasp type -> corners (C, 3) f32 of the open hand's convex hull, in the TCP frame."""
         return {kind: hull_corners(volume) for kind, volume in self.volumes.items()}
+
+    @cached_property
+    def gaps(self) -> dict[str, HandVolume]:
+        """Grasp type -> the space between the pads, as a box in the TCP frame."""
+        return {kind: _box(half_opening(volume), self.between) for kind, volume in self.volumes.items()}
+
+    def closes_on_points(self, points: Tensor, T_object_tcp: Tensor, grasp_type: Tensor) -> Tensor:
+        """(G,) bool: a point (N, 3) lies between the pads at the grasps (G, 4, 4) of types (G,).
+
+        Without any points nothing is known of what there is, and all may.
+        """
+        closes = torch.ones(len(grasp_type), dtype=torch.bool, device=grasp_type.device)
+        if not len(points):
+            return closes
+        for code, kind in enumerate(GRASP_TYPES):
+            of_type = grasp_type == code
+            closes[of_type] = sensed_collision(points.float(), T_object_tcp[of_type].float(), self.gaps[kind])
+        return closes
 
     def free_of_points(self, points: Tensor, T_object_tcp: Tensor, grasp_type: Tensor) -> Tensor:
         """(G,) bool: no point (N, 3) lies inside the open hand at the grasps (G, 4, 4) of types (G,)."""
@@ -74,6 +94,28 @@ class Clearance:
             height = se3.position_of(T_object_tcp[of_type]) @ normal - plane.offset
             free[of_type] = height + lowest >= self.plane_clearance
         return free
+
+
+def half_opening(volume: HandVolume) -> float:
+    """m from the TCP to the nearest piece of the open hand along the closing axis."""
+    reached = []
+    for planes in volume.planes:
+        slope, offset = planes[:, 0].double(), planes[:, 3].double()
+        if bool((offset[slope == 0] < 0).any()):
+            continue  # the axis passes beside this piece
+        enters = (offset / slope)[slope < 0].amax()
+        leaves = (offset / slope)[slope > 0].amin()
+        if enters <= leaves:
+            reached.append(min(abs(float(enters)), abs(float(leaves))))
+    if not reached:
+        raise InputError("hand: expected pads on the closing axis through the TCP, got none")
+    return min(reached)
+
+
+def _box(x: float, yz: float) -> HandVolume:
+    half = torch.tensor([x, yz, yz])
+    planes = torch.cat([torch.eye(3), -torch.eye(3)])
+    return HandVolume((torch.cat([planes, half.repeat(2)[:, None]], dim=1),), -half, half)
 
 
 def hull_corners(volume: HandVolume) -> Tensor:

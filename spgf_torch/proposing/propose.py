@@ -1,7 +1,8 @@
 """From texlets and a model to ranked grasps; no mesh is needed.
 
 1. Features spread over the surface, through the promising points of their prototypes, give hypotheses.
-2. A few voters judge all hypotheses; the best of each type that are free of points are merged in SE(3).
+2. A few voters judge all hypotheses; the best of each type that are free of points, but have some to close on, are
+   merged in SE(3).
 3. All voters judge the survivors, by the votes that rank candidates elsewhere (`affordance.ranking`).
 4. The best move to better poses nearby as long as the score grows and the hand stays free.
 5. Non-maximum suppression leaves one of each grasp.
@@ -115,7 +116,7 @@ class Proposer:
         """With the settings that the model was learned with; volumes: grasp type -> the open hand."""
         affordance = typed(AffordanceConfig, model.settings["affordance"])
         features = typed(FeatureConfig, model.settings["features"])
-        return Proposer(model, affordance, features, config, Clearance(volumes, config.plane_clearance))
+        return Proposer(model, affordance, features, config, Clearance(volumes, config.plane_clearance, config.between))
 
     @cached_property
     def index(self) -> VotingIndex:
@@ -171,6 +172,7 @@ class Proposer:
         pool = pool.at(pool.best_of_each_type(config.hypotheses))
         few = voters.first(config.coarse_points).T_object_feature[:, :3, 3]
         pool = pool.at(self.clearance.free_of_points(few, pool.T, pool.grasp_type).nonzero()[:, 0])
+        pool = pool.at(self.clearance.closes_on_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])
         pool = pool.at(suppress(pool.T, pool.grasp_type, pool.score, config.merge_distance, config.merge_deg))
         pool = pool.at(pool.best_of_each_type(config.survivors))
         pool = pool.at(self.clearance.free_of_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])
@@ -184,6 +186,7 @@ class Proposer:
         score = self.score(T, grasp_type, voters, len(voters))
         better = (score > pool.score[best].repeat_interleave(len(moves))).nonzero()[:, 0]
         free = self.clearance.free_of_points(points, T[better], grasp_type[better])
+        free &= self.clearance.closes_on_points(points, T[better], grasp_type[better])
         if plane is not None:
             free &= self.clearance.free_of_plane(plane, T[better], grasp_type[better])
         gained = torch.full_like(score, -math.inf)

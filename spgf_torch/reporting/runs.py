@@ -145,7 +145,7 @@ def _listed(runs: Any) -> list[Path]:
         raise InputError(f"runs: expected a folder or a list of folders, got {runs}")
     for entry in given:
         if not find(entry).is_dir():
-            raise InputError(f"runs: expected a folder of runs, got {entry}")
+            raise InputError(f"runs: expected a folder of runs (train leaves them in outputs/train), got {entry}")
     return [find(entry) for entry in given]
 
 

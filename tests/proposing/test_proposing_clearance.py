@@ -5,7 +5,7 @@ import torch
 from proposing_models import VOLUMES, two_fingers
 
 from spgf_torch.config import InputError
-from spgf_torch.proposing.clearance import Clearance, Plane, hull_corners
+from spgf_torch.proposing.clearance import Clearance, Plane, half_opening, hull_corners
 
 DOWN = torch.diag(torch.tensor([1.0, -1, -1, 1]))  # approach straight down
 
@@ -26,7 +26,7 @@ def test_corners_of_the_hand() -> None:
 def test_a_table_by_hand() -> None:
     """Fingertips reach 10 mm beyond the TCP. Straight down, with 5 mm of clearance above a table at z = 0.1, the TCP
     may be at 115 mm and not at 114; from the side, with the fingers' narrow sides down, 10 mm of half width count."""
-    clearance, table = Clearance(VOLUMES, 0.005), Plane.of((0, 0, 1), 0.1)
+    clearance, table = Clearance(VOLUMES, 0.005, 0.015), Plane.of((0, 0, 1), 0.1)
     sideways = torch.tensor([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
     T = torch.stack([at(0.1151), at(0.1149), at(0.1151, sideways), at(0.1149, sideways)])
     for kind in (0, 1):
@@ -36,9 +36,24 @@ def test_a_table_by_hand() -> None:
 
 def test_each_type_has_its_own_opening() -> None:
     """A point 15 mm beside the TCP is inside a finger of the narrow hand and between those of the wide one."""
-    clearance, T = Clearance(VOLUMES, 0.0), torch.eye(4).repeat(2, 1, 1)
+    clearance, T = Clearance(VOLUMES, 0.0, 0.015), torch.eye(4).repeat(2, 1, 1)
     free = clearance.free_of_points(torch.tensor([[0.015, 0.0, 0.0]]), T, torch.tensor([0, 1]))
     assert free.tolist() == [False, True]
+
+
+def test_something_to_close_on() -> None:
+    """Between the pads are |x| up to half the opening, and 15 mm across and along the approach."""
+    assert [round(1000 * half_opening(VOLUMES[kind]), 3) for kind in ("NPG", "WPG")] == [10, 25]
+    clearance, T, both = Clearance(VOLUMES, 0.0, 0.015), torch.eye(4).repeat(2, 1, 1), torch.tensor([0, 1])
+    for point, closes in (
+        ((0.0, 0.014, -0.014), [True, True]),
+        ((0.0, 0.016, 0.0), [False, False]),
+        ((0.0, 0.0, 0.016), [False, False]),
+        ((0.015, 0.0, 0.0), [False, True]),
+    ):
+        assert clearance.closes_on_points(torch.tensor([point]), T, both).tolist() == closes
+        assert clearance.closes_on_points(torch.tensor([point, (1.0, 1.0, 1.0)]), T, both).tolist() == closes
+    assert clearance.closes_on_points(torch.zeros(0, 3), T, both).all()
 
 
 @pytest.mark.parametrize("normal", [(0, 0, 2), (0, 0, 0), (0, 1), (float("nan"), 0, 1)])
