@@ -26,8 +26,8 @@ from spgf_torch.trials.hand import load_hand
 from spgf_torch.trials.runner import execute
 from spgf_torch.trials.table import read_table
 
-POINTS, OBJECTS, PARTICLES = (2_000, 8_000, 32_000), (4, 8, 16), (300_000, 1_200_000, 4_800_000)
-TRIED = 40  # candidates of each of four objects
+POINTS, OBJECTS, PARTICLES = (2_000, 8_000, 32_000), (2, 4, 8), (100_000, 400_000, 1_600_000)
+TRIED = 20  # candidates of each of four objects
 CONFIG, FEATURES = settings(AffordanceConfig), settings(FeatureConfig)
 
 
@@ -55,7 +55,7 @@ def example(number: int, centres: torch.Tensor | None, most: int | None = None):
     return pairs, assign(relations, centres), table.success[rows]
 
 
-def by_size(work, sizes: tuple[int, ...], rounds: int = 3) -> dict[int, float]:
+def by_size(work, sizes: tuple[int, ...], rounds: int = 2) -> dict[int, float]:
     seconds = take_turns({str(size): lambda s=size: work(s) for size in sizes}, rounds)
     return {size: seconds[str(size)] for size in sizes}
 

@@ -23,7 +23,7 @@ OBJECTS, ROUNDS = 8, 5
 
 def main() -> None:
     report = Report("sensing", " ".join(__doc__.split("\n\n")[2].split()))
-    report.skip("sensing on cuda: embree works on the CPU")
+    report.skip("sensing with device=cuda: embree works on the CPU")
     config, chosen = settings(SensingConfig), objects()[:OBJECTS]
     views = [
         (obj.mesh, crop(c, obj.mesh.bounds, 1)) for obj in chosen for c in surround(config, obj.mesh.bounds.mean(0))

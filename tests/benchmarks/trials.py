@@ -2,12 +2,13 @@
 
     python tests/benchmarks/trials.py [candidates an object and type]
 
-Candidates of some shipped objects, from data/trials' sampler. Ours: pre-check, then the episode. Reference: the same at
-dt 1/2000. Naive: what one writes first: a scene, the URDF and the object's parts anew for each candidate, no
-pre-check. MuJoCo: hand, object, drives, closing, loads and tests of the outcome are the same, behind our pre-check, and
+Candidates of some shipped objects, from data/trials' sampler. Ours: pre-check, then the episode. Reference: the same
+at dt 1/2000. Naive: what one writes first: a scene, the URDF and the object's parts anew for each candidate, no pre-
+check. MuJoCo: hand, object, drives, closing, loads and tests of the outcome are the same, behind our pre-check, and
 the model of an object is compiled once; what differs is MuJoCo's own: soft contacts, elliptic friction cones, the
 Newton solver, implicitfast integration, PD drives as actuators, at our dt. All take turns, an object a round, in one
-process, and seconds are the processor's; agreement is about success or not, over candidates that the pre-check lets through, unless it says all.
+process, and seconds are the processor's; agreement is about success or not, over candidates that the pre-check lets
+through, unless it says all.
 """
 
 import spgf_torch  # noqa: F401  before torch: it sets how torch's threads wait
@@ -247,7 +248,7 @@ def compare(tally: Tally, obj: GraspObject, hand: Hand, kind: str, T: np.ndarray
 
 def main(count: int) -> None:
     report = Report("trials", " ".join(__doc__.split("\n\n")[2].split()))
-    report.skip("trials on cuda: PhysX on the CPU is what repeats bit for bit")
+    report.skip("trials with device=cuda: PhysX on the CPU is what repeats bit for bit")
     mujoco, hand, tally = report.peer("mujoco"), load_hand(settings(HandConfig)), Tally()
     requests, free = [], 0
     for number, obj in enumerate(objects()[:OBJECTS]):
