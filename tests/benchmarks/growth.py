@@ -27,7 +27,7 @@ from spgf_torch.trials.runner import execute
 from spgf_torch.trials.table import read_table
 
 POINTS, OBJECTS, PARTICLES = (2_000, 8_000, 32_000), (2, 4, 8), (100_000, 400_000, 1_600_000)
-TRIED = 20  # candidates of each of four objects
+TRIED = 150  # candidates of each of four objects
 CONFIG, FEATURES = settings(AffordanceConfig), settings(FeatureConfig)
 
 
