@@ -86,8 +86,9 @@ def models(config: EvaluateConfig) -> Callable[[GraspObject], Restored]:
 
 def learned_from(objects: Sequence[GraspObject], model: GraspModel) -> int:
     """How many of the objects the model learned from."""
-    taught = set(model.settings.get("taught", {}).values())
-    return sum(obj.digest in taught for obj in objects)
+    taught = model.settings.get("taught")
+    digests = list(taught.values()) if isinstance(taught, dict) else []
+    return sum(obj.digest in digests for obj in objects)
 
 
 def sampled(

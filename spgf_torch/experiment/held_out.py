@@ -13,7 +13,6 @@ from pathlib import Path
 
 from spgf_torch.affordance.model import GraspModel, load_model, save_model
 from spgf_torch.config import InputError
-from spgf_torch.evaluation.files import write_text
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.reading import json_values
 
@@ -45,7 +44,7 @@ def save_fold_models(
         folder.mkdir(parents=True)
         save_model(model, folder)
     about = {obj.name: {"fold": fold, "digest": obj.digest} for obj, fold in zip(objects, folds, strict=True)}
-    write_text(run / FOLDER / LIST, json.dumps(about, indent=1, sort_keys=True) + "\n")
+    (run / FOLDER / LIST).write_text(json.dumps(about, indent=1, sort_keys=True) + "\n")
 
 
 def load_fold_models(run: Path, device: str = "cpu") -> FoldModels:
