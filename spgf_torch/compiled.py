@@ -1,0 +1,21 @@
+"""Loops that torch has no single operation for, compiled for the CPU by numba.
+
+A kernel works on the memory of torch tensors (`tensor.numpy()`), in the calling thread and without the interpreter's
+lock, so that `threads.in_parts` can run several. It is compiled at its first call, which takes seconds, and kept
+beside its module or in the user's cache (numba's `NUMBA_CACHE_DIR`). Arithmetic keeps its order: the same in every run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def compiled(function: F) -> F:
+    """The function, compiled in numba's nopython mode."""
+    kernel: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    return kernel
