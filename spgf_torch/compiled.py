@@ -8,7 +8,7 @@ beside its module or in the user's cache (numba's `NUMBA_CACHE_DIR`). Arithmetic
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import numba
 
@@ -17,5 +17,4 @@ F = TypeVar("F", bound=Callable[..., object])
 
 def compiled(function: F) -> F:
     """The function, compiled in numba's nopython mode."""
-    kernel: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    return kernel
+    return cast(F, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
