@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import torch
 from torch import Tensor
@@ -96,41 +96,43 @@ class Lattice:
 
 @dataclass(frozen=True)
 class Kernel:
-    """Gaussian weights between cells of a lattice, truncated at two standard deviations.
+    """Gaussian weights between cells of a lattice, truncated at two standard deviations in translation and in rotation.
 
     The weight of two cells is the product of exp(-d^2 / 2 s^2) in translation and in rotation, d between the
     cells' centres: 1 within a cell, so that a support reads as a number of particles.
 
     Attributes:
-        neighbour (R, N) int32: what to add to the voxel index of a cell of rotation r to get its neighbours' cells.
-        weight (R, N) f32: of these neighbours; rotations with fewer are padded with weight 0.
+        offset (M,) int32: what to add to a voxel's index to get its neighbours, itself among them.
+        weight (M,) f32: of these.
+        turn (R, N) int32: rotations near each rotation, itself among them; near works both ways.
+        turn_weight (R, N) f32: of these; rotations with fewer neighbours are padded with weight 0, at the end.
     """
 
-    neighbour: Tensor
+    offset: Tensor
     weight: Tensor
+    turn: Tensor
+    turn_weight: Tensor
 
 
-def gaussian_kernel(lattice: Lattice, sigma: float, sigma_deg: float, device: str | torch.device = "cpu") -> Kernel:
-    """Weights for standard deviations `sigma` (m) and `sigma_deg` (deg); 0 leaves the cell alone.
+@lru_cache(maxsize=4)
+def gaussian_kernel(lattice: Lattice, sigma: float, sigma_deg: float) -> Kernel:
+    """Weights for standard deviations `sigma` (m) and `sigma_deg` (deg); 0 leaves the cell alone. On the CPU.
 
     Translation neighbours stay within one layer of voxels: the border that the lattice keeps empty.
     """
     step = torch.arange(-1, 2)
-    offsets = torch.cartesian_prod(step, step, step)
-    distance = offsets.float().norm(dim=-1) * lattice.voxel
-    weight = _truncated_gaussian(distance, sigma)
-    kept = weight > 0
-    flat = (offsets[:, 0] * lattice.side + offsets[:, 1]) * lattice.side + offsets[:, 2]
+    steps = torch.cartesian_prod(step, step, step)
+    weight = _truncated_gaussian(steps.float().norm(dim=-1) * lattice.voxel, sigma)
+    offset = (steps[:, 0] * lattice.side + steps[:, 1]) * lattice.side + steps[:, 2]
 
     centres = lattice.rotation_centres()
     dots = (centres @ centres.T).abs().clamp_(max=1.0)
-    angle_weight = _truncated_gaussian(2 * torch.acos(dots), math.radians(sigma_deg))
-    angle_weight.fill_diagonal_(1.0)
-    most = int((angle_weight > 0).sum(1).max())
-    rotation_weight, rotation = angle_weight.topk(most, dim=1)
-    neighbour = (rotation * lattice.voxels).unsqueeze(2) + flat[kept]
-    weights = rotation_weight.unsqueeze(2) * weight[kept]
-    return Kernel(neighbour.flatten(1).int().to(device), weights.flatten(1).to(device))
+    dots = torch.maximum(dots, dots.T)  # rounding may make a product of two differ from that of the other two
+    turn_weight = _truncated_gaussian(2 * torch.acos(dots), math.radians(sigma_deg))
+    turn_weight.fill_diagonal_(1.0)
+    most = int((turn_weight > 0).sum(1).max())
+    turn_weight, turn = turn_weight.topk(most, dim=1)
+    return Kernel(offset[weight > 0].int(), weight[weight > 0], turn.int(), turn_weight)
 
 
 def _truncated_gaussian(distance: Tensor, sigma: float) -> Tensor:

@@ -72,9 +72,9 @@ class GraspModel:
     settings: dict[str, Any] = field(default_factory=dict)
 
 
-def kernel_of(config: AffordanceConfig, device: str | torch.device) -> Kernel:
+def kernel_of(config: AffordanceConfig) -> Kernel:
     """The neighbourhood that the settings describe."""
-    return gaussian_kernel(lattice_of(config), config.kernel, config.kernel_deg, device)
+    return gaussian_kernel(lattice_of(config), config.kernel, config.kernel_deg)
 
 
 def learn(
@@ -87,7 +87,7 @@ def learn(
             grasps (G,) bool.
         centres: (K, D) f32 prototypes.
     """
-    lattice, kernel = lattice_of(config), kernel_of(config, centres.device)
+    lattice, kernel = lattice_of(config), kernel_of(config)
     parts = [shape_grasp_particles(pairs, ids, success) for pairs, ids, success in examples]
     condensed = condense(parts, len(centres), lattice, kernel, config.min_support)
     return GraspModel(centres, condensed, lattice, uncalibrated(condensed.base_rate))

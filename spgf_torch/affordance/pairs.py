@@ -9,7 +9,7 @@ from torch import Tensor
 
 from spgf_torch.affordance.lattice import Lattice
 from spgf_torch.affordance.particles import Particles, Points, pairs_within
-from spgf_torch.config import AffordanceConfig, InputError
+from spgf_torch.config import GRASP_TYPES, AffordanceConfig, InputError
 from spgf_torch.threads import in_parts
 
 # Cells of a lattice: 2 GB for the table of one slice.
@@ -84,10 +84,10 @@ def cell_pairs(
 def shape_grasp_particles(pairs: CellPairs, ids: Tensor, success: Tensor) -> Particles:
     """The particles of one object: ids (F,) int64 of its features, success (G,) bool of its grasps."""
     points = points_of(pairs, ids)
-    return Particles(points.prototype, points.grasp_type, points.cell, success.index_select(0, pairs.grasp))
+    return Particles(points.slice, points.cell, success.index_select(0, pairs.grasp))
 
 
 def points_of(pairs: CellPairs, ids: Tensor) -> Points:
     """Where an object's pairs lie in the shape-grasp space: ids (F,) int64 of its features."""
-    prototype, grasp_type = ids.int().index_select(0, pairs.feature), pairs.grasp_type.int()
-    return Points(prototype, grasp_type.index_select(0, pairs.grasp), pairs.cell)
+    first = (ids.int() * len(GRASP_TYPES)).index_select(0, pairs.feature)
+    return Points(first.add_(pairs.grasp_type.int().index_select(0, pairs.grasp)), pairs.cell)

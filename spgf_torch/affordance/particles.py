@@ -32,25 +32,27 @@ class Points:
     """Points of the shape-grasp space.
 
     Attributes:
-        prototype (P,) int32: id of a feature's prototype.
-        grasp_type (P,) int32: index into `config.GRASP_TYPES`.
+        slice (P,) int32: what points must share to be compared, as one number: prototype * number of types + type.
         cell (P,) int32: lattice cell of the transform T_feature_grasp.
     """
 
-    prototype: Tensor
-    grasp_type: Tensor
+    slice: Tensor
     cell: Tensor
 
     @property
-    def slice(self) -> Tensor:
-        """(P,) what points must share to be compared, as one number: prototype * number of types + type."""
-        return self.prototype * len(GRASP_TYPES) + self.grasp_type
+    def prototype(self) -> Tensor:
+        """(P,) int32: id of a feature's prototype."""
+        return self.slice // len(GRASP_TYPES)
+
+    @property
+    def grasp_type(self) -> Tensor:
+        """(P,) int32: index into `config.GRASP_TYPES`."""
+        return self.slice % len(GRASP_TYPES)
 
     @staticmethod
     def together(parts: Sequence[Points]) -> Points:
         """The points of all parts, in order."""
-        names = ("prototype", "grasp_type", "cell")
-        return Points(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
+        return Points(torch.cat([part.slice for part in parts]), torch.cat([part.cell for part in parts]))
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from spgf_torch.affordance.lattice import Lattice
-from spgf_torch.affordance.neighbourhood import Condensed, Counts, sorted_with_order
+from spgf_torch.affordance.neighbourhood import Condensed, Counts
 from spgf_torch.affordance.particles import Points
 from spgf_torch.threads import in_parts
 
@@ -21,6 +22,12 @@ NO_POINT = -1
 
 # Pairs whose votes are looked up together, on an accelerator and on a CPU.
 TOGETHER = (1 << 24, 1 << 16)
+
+
+def sorted_with_order(key: Tensor) -> tuple[Tensor, Tensor]:
+    """The keys, ascending, and their order; on a CPU by numpy's vectorised sort."""
+    order = torch.from_numpy(np.argsort(key.numpy())) if key.device.type == "cpu" else key.argsort()
+    return key.index_select(0, order), order
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ class TrainedSpace:
 
     def __init__(self, groups: Sequence[Sequence[Example]], centres: Tensor, config: AffordanceConfig) -> None:
         self.centres, self.config = centres, config
-        self.lattice, self.kernel = lattice_of(config), kernel_of(config, centres.device)
+        self.lattice, self.kernel = lattice_of(config), kernel_of(config)
         parts = [
             [shape_grasp_particles(e.described.pairs, self.ids(e.described), e.success) for e in g] for g in groups
         ]
@@ -63,7 +63,7 @@ class TrainedSpace:
 
     def judge(self, objects: Sequence[Described], without: Sequence[int | None]) -> list[Judged]:
         """What the training objects say of grasps, for each object without those of one group (None: of all)."""
-        left_out = [len(self.space.groups) if group is None else group for group in without]
+        left_out = [self.space.groups if group is None else group for group in without]
         asked = [points_of(obj.pairs, self.ids(obj)) for obj in objects]
         sizes = [len(points.cell) for points in asked]
         view = torch.tensor(left_out).repeat_interleave(torch.tensor(sizes)).to(self.centres.device)

@@ -59,11 +59,12 @@ def test_index_and_centres_are_inverse(generator: torch.Generator) -> None:
 def test_kernel_weights_by_hand() -> None:
     """At one standard deviation a Gaussian weighs exp(-1/2); voxel faces are 10 mm away, corners 17.3 > 2 * 6 mm."""
     kernel = gaussian_kernel(LATTICE, sigma=0.01, sigma_deg=0.0)
-    weights = dict(zip(kernel.neighbour[0].tolist(), kernel.weight[0].tolist(), strict=True))  # of rotation 0
+    weights = dict(zip(kernel.offset.tolist(), kernel.weight.tolist(), strict=True))
     assert weights[0] == 1.0
     assert weights[1] == pytest.approx(math.exp(-0.5))
     assert weights[LATTICE.side + 1] == pytest.approx(math.exp(-1.0))
-    assert gaussian_kernel(LATTICE, 0.006, 0.0).weight.shape[1] == 7  # the centre and six faces
+    assert len(gaussian_kernel(LATTICE, 0.006, 0.0).weight) == 7  # the centre and six faces
+    assert kernel.turn.tolist() == [[r] for r in range(LATTICE.rotations)] and (kernel.turn_weight == 1).all()
 
 
 def test_rotation_neighbours_are_all_within_two_deviations() -> None:
@@ -72,5 +73,7 @@ def test_rotation_neighbours_are_all_within_two_deviations() -> None:
     angle = torch.rad2deg(2 * torch.acos((centres @ centres.T).abs().clamp(max=1)))
     expected = torch.where(angle <= 30.0 + 1e-4, torch.exp(-0.5 * (angle / 15.0) ** 2), torch.zeros_like(angle))
     found = torch.zeros_like(expected)
-    found.scatter_add_(1, kernel.neighbour.long() // LATTICE.voxels, kernel.weight.double())
+    found.scatter_add_(1, kernel.turn.long(), kernel.turn_weight.double())
     assert torch.allclose(found, expected, atol=2e-3)
+    assert torch.equal(found, found.T)
+    assert (kernel.turn_weight.diff(dim=1) <= 0).all()  # what is padded comes last
