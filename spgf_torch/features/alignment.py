@@ -14,63 +14,96 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import torch
 from torch import Tensor
+
+from spgf_torch.compiled import compiled
 
 # rad; curvatures this close are equal: well above float32 rounding (1e-6), well below the noise of a normal (0.05).
 TIE = 1e-4
 
 
 def highest_curvature(rings: Tensor) -> Tensor:
-    """The start cell (N,) int64 of rings (2, N, 2, cells) as `grid` makes them."""
-    curvature = rings[1, :, 0]  # alpha2 of the top layer
-    highest, start = curvature.max(dim=1)
-    tied = curvature >= highest[:, None] - TIE
-    several = (tied.sum(dim=1) > 1).nonzero().flatten()
-    start[several] = widest_run(tied[several], content_after(rings[:, several]))
+    """The start cell (N,) int64 of rings (N, 2, cells, 2) as `grid` makes them."""
+    cells = rings.shape[2]
+    start = torch.empty(len(rings), dtype=torch.int64)
+    nearer = torch.exp(torch.arange(cells, dtype=torch.float64) * (-2 * math.pi / cells))
+    _highest_curvature(rings.numpy(), nearer.numpy(), start.numpy())
     return start
 
 
-def widest_run(tied: Tensor, content: Tensor) -> Tensor:
-    """The centre (N,) of the widest run of True in tied (N, cells); of equal runs that of the highest content."""
-    cells = tied.shape[1]
-    length = run_lengths(tied)
-    widest = length.amax(dim=1, keepdim=True)
-    to_centre = (widest - 1) // 2
-    at_centre = content.gather(1, (torch.arange(cells, device=tied.device) + to_centre) % cells)
-    at_centre = at_centre.masked_fill(length < widest, -math.inf)
-    first = (at_centre >= at_centre.amax(dim=1, keepdim=True) - TIE).int().argmax(dim=1, keepdim=True)
-    return ((first + to_centre) % cells).squeeze(1)
+def start_at(rings: Tensor, start: Tensor, rows: Tensor, aligned: Tensor) -> None:
+    """Write rings (n, 2, cells, 2), moved round so that cell start (n,) becomes cell 0 of both, to aligned[rows]."""
+    _start_at(rings.numpy(), start.numpy(), rows.numpy(), aligned.numpy())
 
 
-def run_lengths(tied: Tensor) -> Tensor:
-    """At the first cell of each run of True around the rings (N, cells) its length, elsewhere 0.
+@compiled
+def _highest_curvature(rings: np.ndarray, nearer: np.ndarray, start: np.ndarray) -> None:
+    tied, length = np.empty(len(nearer), np.bool_), np.empty(len(nearer), np.int64)
+    for row in range(len(rings)):
+        curvature = rings[row, 0, :, 1]  # alpha2 of the top layer
+        highest = curvature.argmax()
+        count = 0
+        for cell in range(len(tied)):
+            tied[cell] = curvature[cell] >= curvature[highest] - TIE
+            count += tied[cell]
+        if count == 1:
+            start[row] = highest
+        else:
+            _run_lengths(tied, length)
+            start[row] = _widest_run(length, rings[row], nearer)
+
+
+@compiled
+def _run_lengths(tied: np.ndarray, length: np.ndarray) -> None:
+    """At the first cell of each run of True around the ring its length, elsewhere 0.
 
     A ring that is True all round has no first cell: each cell is one, with the length of the ring.
     """
-    cells = tied.shape[1]
-    ahead, step = tied.int(), 1  # tied cells from each cell on, counted up to `step`, which doubles
-    while step < cells:
-        ahead = ahead + (ahead == step) * ahead.roll(-step, dims=1)
-        step *= 2
-    first = tied & (~tied.roll(1, dims=1) | tied.all(dim=1, keepdim=True))
-    return ahead.clamp(max=cells) * first
+    cells = len(tied)
+    length[:] = cells if tied.all() else 0
+    for first in range(cells):
+        if tied[first] and not tied[first - 1]:
+            while tied[(first + length[first]) % cells]:
+                length[first] += 1
 
 
-def content_after(rings: Tensor) -> Tensor:
-    """What follows each cell going round, near cells most: (N, cells)."""
-    cells = rings.shape[-1]
-    k = torch.arange(cells, device=rings.device)
-    ahead = (k[:, None] - k) % cells
-    content = rings[0, :, 0] + rings[0, :, 1] + rings[1, :, 0] + rings[1, :, 1]
-    return content @ torch.exp(ahead.to(rings.dtype) * (-2 * math.pi / cells))
+@compiled
+def _widest_run(length: np.ndarray, ring: np.ndarray, nearer: np.ndarray) -> int:
+    """The centre of the widest run; of equal ones that of the highest content, of these the first."""
+    cells = len(length)
+    widest = length.max()
+    centre, highest = -1, -math.inf
+    for look in range(2):  # only when the highest is known the first within TIE of it can be taken
+        for first in range(cells):
+            if length[first] == widest:
+                middle = (first + (widest - 1) // 2) % cells
+                content = _content_after(ring, middle, nearer)
+                if look == 1 and content >= highest - TIE:
+                    return middle
+                if content > highest:
+                    centre, highest = middle, content
+    return centre
 
 
-def start_at(rings: Tensor, start: Tensor) -> Tensor:
-    """The rings (2, N, 2, cells) moved round so that cell `start` (N,) becomes cell 0 of both: (N, 2, cells, 2)."""
-    _, N, layers, cells = rings.shape
-    k = torch.arange(cells, device=rings.device)
-    source = ((k + k[:, None]) % cells).index_select(0, start)  # (N, cells)
-    ring = torch.arange(N * layers, device=rings.device).view(N, layers, 1) * cells
-    both = torch.complex(rings[0], rings[1]).flatten()  # scattered memory is bound by accesses: two angles in each
-    return torch.view_as_real(both.index_select(0, (ring + source[:, None]).flatten())).view(N, layers, cells, 2)
+@compiled
+def _content_after(ring: np.ndarray, start: int, nearer: np.ndarray) -> float:
+    """What follows the cell going round, near cells most."""
+    cells = len(nearer)
+    total = 0.0
+    for ahead in range(cells):
+        cell = (start + ahead) % cells
+        total += nearer[ahead] * (ring[0, cell, 0] + ring[0, cell, 1] + ring[1, cell, 0] + ring[1, cell, 1])
+    return total
+
+
+@compiled
+def _start_at(rings: np.ndarray, start: np.ndarray, rows: np.ndarray, aligned: np.ndarray) -> None:
+    cells = rings.shape[2]
+    for i in range(len(rings)):
+        for layer in range(2):
+            source, target, cell = rings[i, layer], aligned[rows[i], layer], start[i]
+            for k in range(cells):
+                target[k, 0], target[k, 1] = source[cell, 0], source[cell, 1]
+                cell = cell + 1 if cell + 1 < cells else 0

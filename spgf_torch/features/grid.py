@@ -1,23 +1,22 @@
 """The sliced pineapple grid: neighbours in two rings of cells, smoothed, gaps encoded (paper, section 3.1.2).
 
 Cell k of a ring is centred on alpha3 = k * 2 pi / N_g: it holds the neighbours with round(alpha3 / width) = k,
-modulo N_g, so that turning the frame by whole cells moves the ring by whole cells. While they are made, rings
-are (2, N, 2, N_g): angle (alpha1, alpha2, in radians), feature, layer (top, bottom), cell.
+modulo N_g, so that turning the frame by whole cells moves the ring by whole cells. Rings are (N, 2, N_g, 2):
+feature, layer (top, bottom), cell, angle (alpha1, alpha2, in radians).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from functools import lru_cache
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.features.relations import alpha1, alpha3, in_plane
-
-# rad; a normal this close to perpendicular counts as perpendicular (top layer, alpha2 = pi/2), and a neighbour
-# this close to the centre's normal has no alpha3: both would otherwise be decided by rounding (FEATURES.md).
-SINGULAR = 1e-3
+from spgf_torch.compiled import compiled
+from spgf_torch.config import FeatureConfig
+from spgf_torch.features.relations import SINGULAR
 
 # What a gap is encoded as: (alpha1, alpha2) of the top and of the bottom layer.
 GAPS = {
@@ -26,90 +25,118 @@ GAPS = {
 }
 
 
-def empty_grid(N: int, cells: int, like: Tensor) -> Tensor:
-    """An accumulator (3, N, 2, cells): the number of neighbours, the sum of alpha1 and the sum of alpha2."""
-    return like.new_zeros((3, N, 2, cells))
+def rings(start: Tensor, angles: Tensor, config: FeatureConfig, soft: bool = False) -> tuple[Tensor, Tensor]:
+    """Steps 1 to 4 of section 3.1: the rings (N, 2, cells, 2) of N features, and (N,) whether they are not all gap.
 
-
-def layer_of(alpha2: Tensor) -> Tensor:
-    """False where the neighbour belongs to the top layer, alpha2 <= 90 deg, and True where to the bottom."""
-    return alpha2 > math.pi / 2 + SINGULAR
-
-
-@dataclass(frozen=True)
-class Shares:
-    """What neighbours add to cells: index (P,) int64, centre * 2 cells + layer * cells + cell; and to their sums,
-    weight, weight * alpha1, weight * alpha2 (P,)."""
-
-    index: Tensor
-    values: tuple[Tensor, Tensor, Tensor]
-
-    def add_to(self, grid: Tensor) -> None:
-        """Add them to a grid (3, N, 2, cells), in place and in order: the sums are the same in every run."""
-        for sums, values in zip(grid.view(3, -1), self.values, strict=True):
-            sums.scatter_add_(0, self.index, values)
-
-
-def shares(cells: int, ring: Tensor, local: Tensor, alpha2: Tensor, soft: bool = False) -> list[Shares]:
-    """What P neighbours add to the rings of their centres.
-
-    ring: (P,) which ring of the grid's N * 2, centre * 2 + layer; local: (3, P) in the centre's frame; alpha2:
-    (P,). With `soft` a neighbour is shared between the two cells whose centres enclose its alpha3, in proportion
-    to its nearness: sums then change smoothly as the frame turns.
+    start: (N + 1,) int64, the first pair of each feature; angles: (3, P) of the pairs, as `relations` has them. `soft`
+    as in `organise` and `smooth`.
     """
-    flat = in_plane(local)
-    known = (SINGULAR * local[2].abs()).lt_(flat)  # 1 or 0: a comparison in place spares a slow change of type
-    place = alpha3(local).mul_(cells / (2 * math.pi))
-    elevation = alpha1(local, flat)
-
-    def share(cell: Tensor, weight: Tensor) -> Shares:
-        turns = (cell / cells).floor_()  # `remainder` takes four times as long
-        index = cell.sub(turns, alpha=cells).long().add_(ring, alpha=cells)
-        return Shares(index, (weight, weight * elevation, weight * alpha2))
-
-    if not soft:
-        return [share(place.add_(0.5).floor_(), known)]
-    lower = place.floor()
-    nearness = place - lower
-    return [share(lower, known * (1 - nearness)), share(lower + 1, known * nearness)]
+    found = angles.new_empty((len(start) - 1, 2, config.cells, 2))
+    valid = torch.empty(len(found), dtype=torch.bool)
+    gap = torch.tensor(GAPS[config.gaps], dtype=angles.dtype)
+    window = triangle(config.cells, config.half_length, angles.dtype)
+    _rings(start.numpy(), angles.numpy(), config.layers, soft, window, gap.numpy(), found.numpy(), valid.numpy())
+    return found, valid
 
 
-def cell_means(grid: Tensor) -> tuple[Tensor, Tensor]:
-    """The mean (alpha1, alpha2) of each cell, (2, N, 2, cells), 0 where empty; and where it is filled."""
-    filled = grid[0] > 0
-    return grid[1:] / grid[0].clamp(min=1), filled
+@lru_cache
+def triangle(cells: int, half_length: int, dtype: torch.dtype) -> tuple[np.ndarray, np.ndarray]:
+    """The moving average's filter: how many cells ahead, going round, and what a cell counts there.
 
-
-def moving_average(sums: Tensor, weight: Tensor, half_length: int) -> tuple[Tensor, Tensor]:
-    """Weighted moving average around each ring: fills the holes that sampling leaves.
-
-    sums (2, N, 2, cells): the cells' values times their weight; weight (N, 2, cells): 0 where a cell is empty,
-    so that it does not contribute, and 1 elsewhere. At distance |k| <= n = half_length a cell counts with
-    (n + 1 - |k|) / (n + 1) of that (the paper: "weight falling with distance"). Returns the averages
-    (2, N, 2, cells) and which cells something reached (N, 2, cells).
+    At distance |k| <= n = half_length that is (n + 1 - |k|) / (n + 1) (the paper: "weight falling with distance"); of
+    two ways round the ring the shorter counts.
     """
-    kernel = triangle(weight.shape[-1], half_length, sums)
-    reached = weight @ kernel
-    filled = reached > 0
-    nothing = reached.clone().eq_(0)  # 1 or 0
-    return (sums @ kernel).div_(reached.add_(nothing)), filled
+    ahead = torch.arange(cells)
+    weight = (half_length + 1 - torch.minimum(ahead, cells - ahead)).clamp(min=0).to(dtype) / (half_length + 1)
+    return ahead[weight > 0].numpy(), weight[weight > 0].numpy()
 
 
-def triangle(cells: int, half_length: int, like: Tensor) -> Tensor:
-    """The filter as a circulant matrix (cells, cells); of two ways round the ring the shorter counts."""
-    k = torch.arange(cells, device=like.device)
-    ahead = (k[:, None] - k) % cells
-    distance = torch.minimum(ahead, (-ahead) % cells)
-    return (half_length + 1 - distance).clamp(min=0).to(like.dtype) / (half_length + 1)
+@compiled
+def _rings(
+    start: np.ndarray,
+    angles: np.ndarray,
+    layers: int,
+    soft: bool,
+    window: tuple[np.ndarray, np.ndarray],
+    gap: np.ndarray,
+    found: np.ndarray,
+    valid: np.ndarray,
+) -> None:
+    grid = np.empty((2, found.shape[2], 3), found.dtype)
+    for i in range(len(found)):
+        grid[:] = 0
+        organise(angles[:, start[i] : start[i + 1]], soft, grid[:layers])
+        valid[i] = smooth(grid, window, gap, soft, found[i])
 
 
-def encode_gaps(rings: Tensor, filled: Tensor, gaps: str = "saturated") -> Tensor:
-    """The rings (2, N, 2, cells) with every cell that is still empty set to the value of a gap (`GAPS`).
+@compiled
+def organise(angles: np.ndarray, soft: bool, grid: np.ndarray) -> None:
+    """Add neighbours, angles (3, P), to the grid (layers, cells, 3): to their cell's number and sums of alpha1, alpha2.
 
-    Neighbours that count as perpendicular (`SINGULAR`) do not raise a cell of the top layer above 90 deg, or
-    rounding would decide between an edge and a gap.
+    Those without alpha3 are left out, and those of a layer that the grid does not have. The layer is the top where
+    alpha2 <= 90 deg. With `soft` a neighbour is shared between the two cells whose centres enclose its alpha3, in
+    proportion to its nearness: sums then change smoothly as the frame turns.
     """
-    value = torch.tensor(GAPS[gaps], dtype=rings.dtype, device=rings.device)  # layer, angle
-    encoded = torch.where(filled, rings, value.T[:, None, :, None])
-    encoded[1, :, 0].clamp_(max=math.pi / 2)
-    return encoded
+    layers, cells = grid.shape[:2]
+    number = grid.dtype.type
+    scale, first = number(cells / (2 * math.pi)), number(cells if soft else cells + 0.5)  # places are positive
+    perpendicular = number(math.pi / 2 + SINGULAR)
+    for pair in range(angles.shape[1]):
+        layer = 1 if angles[1, pair] > perpendicular else 0
+        if layer >= layers or math.isnan(angles[2, pair]):
+            continue
+        place = angles[2, pair] * scale + first
+        cell = int(place)
+        nearness = number(place - cell)
+        cell -= cells if cell >= cells else 0
+        if soft:
+            _add(grid[layer, cell], number(1) - nearness, angles[0, pair], angles[1, pair])
+            _add(grid[layer, cell + 1 if cell + 1 < cells else 0], nearness, angles[0, pair], angles[1, pair])
+        else:
+            _add(grid[layer, cell], number(1), angles[0, pair], angles[1, pair])
+
+
+@compiled
+def _add(cell: np.ndarray, weight: float, alpha1: float, alpha2: float) -> None:
+    cell[0] += weight
+    cell[1] += weight * alpha1
+    cell[2] += weight * alpha2
+
+
+@compiled
+def smooth(
+    grid: np.ndarray, window: tuple[np.ndarray, np.ndarray], gap: np.ndarray, soft: bool, rings: np.ndarray
+) -> bool:
+    """The rings (2, cells, 2) of a grid (2, cells, 3): averaged and gap-encoded; whether they are not all gap.
+
+    Weighted moving average around each ring, with the window of `triangle`: fills the holes that sampling leaves. An
+    empty cell does not count. The paper averages the cells' means, one like another; with `soft` each neighbour counts
+    for itself. A cell that nothing reached gets the value of a gap.
+
+    Neighbours that count as perpendicular (`SINGULAR`) do not raise a cell of the top layer above 90 deg, or rounding
+    would decide between an edge and a gap.
+    """
+    cells, one, valid = grid.shape[1], grid.dtype.type(1), False
+    values = np.empty(6 * cells, grid.dtype)  # weight, and weight times alpha1 and alpha2, of each cell: the ring twice
+    sums = np.empty(3 * cells, grid.dtype)
+    for layer in range(2):
+        for cell in range(cells):
+            share = one if soft else one / max(grid[layer, cell, 0], one)
+            for k in range(3):
+                values[3 * cell + k] = share * grid[layer, cell, k]
+        for k in range(3 * cells):
+            values[3 * cells + k], sums[k] = values[k], 0
+        for step in range(len(window[0])):
+            ahead, weight = values[3 * window[0][step] :], window[1][step]
+            for k in range(3 * cells):
+                sums[k] += weight * ahead[k]
+        for cell in range(cells):
+            reached = sums[3 * cell]
+            if reached > 0:
+                valid, share = True, one / reached
+                rings[layer, cell, 0], rings[layer, cell, 1] = share * sums[3 * cell + 1], share * sums[3 * cell + 2]
+            else:
+                rings[layer, cell, 0], rings[layer, cell, 1] = gap[layer, 0], gap[layer, 1]
+    for cell in range(cells):
+        rings[0, cell, 1] = min(rings[0, cell, 1], math.pi / 2)
+    return valid

@@ -17,9 +17,8 @@ import torch
 from torch import Generator, Tensor
 
 from spgf_torch.config import FeatureConfig, InputError
-from spgf_torch.features.grid import SINGULAR
 from spgf_torch.features.interface import VectorFeatures
-from spgf_torch.features.relations import alpha1, alpha2, in_frame, in_plane, reference_frames
+from spgf_torch.features.relations import Pairs, reference_frames, relations
 from spgf_torch.geometry.neighbours import radius_pairs
 from spgf_torch.geometry.se3 import from_rotation
 
@@ -47,15 +46,16 @@ def patch_pairs(
             f"normals: expected finite numbers of shape {tuple(positions.shape)}, got {tuple(normals.shape)}"
         )
     second, paired = drawn_neighbours(positions, config.radius, generator)
-    d = (positions[second] - positions).T
-    frames = reference_frames(normals, d.T)
-    axes = frames.permute(2, 1, 0)  # axis, component, texlet
-    local, back = in_frame(axes, d), in_frame(axes[..., second], -d)
-    angle = alpha2(axes[2], axes[2][:, second])
-    distance = torch.linalg.vector_norm(d, dim=0) * (RADIUS_ANGLE / config.radius)
-    vectors = torch.stack([alpha1(local), alpha1(back), angle, distance], dim=1).float()
-    directed = paired & (in_plane(local) > SINGULAR * local[2].abs())
-    return VectorFeatures(from_rotation(frames, positions), vectors, directed)
+    X, n, there = positions.detach().cpu().contiguous(), normals.detach().cpu().contiguous(), second.cpu()
+    one_each, own = torch.arange(len(X) + 1), torch.arange(len(X), dtype=torch.int32)
+    frames = reference_frames(n, X[there] - X)
+    elevation, angle, direction = relations(Pairs(one_each, there.int()), X, frames, X, n)
+    back = relations(Pairs(one_each, own), X[there], frames[there], X, n)[0]
+    distance = torch.linalg.vector_norm(X[there] - X, dim=1) * (RADIUS_ANGLE / config.radius)
+    vectors = torch.stack([elevation, back, angle, distance], dim=1).float()
+    T, directed = from_rotation(frames, X), ~direction.isnan()
+    device = positions.device
+    return VectorFeatures(T.to(device), vectors.to(device), paired & directed.to(device))
 
 
 def drawn_neighbours(positions: Tensor, radius: float, generator: Generator) -> tuple[Tensor, Tensor]:

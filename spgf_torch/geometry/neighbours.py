@@ -1,92 +1,133 @@
-"""All pairs of points within a radius."""
+"""Which points lie within a radius of which."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 from torch import Tensor
 
+from spgf_torch.compiled import compiled
 from spgf_torch.config import InputError
 
-# Points of one k-d tree. Two trees meet in at most BLOCK^2 pairs of 24 bytes: 0.4 GB however dense the cloud.
-BLOCK = 4096
+# Points looked at for the neighbours of one part of the cloud: what is made of them stays in a CPU's second-level
+# cache. A point that alone has more is a part of its own.
+CANDIDATES = 1 << 18
 
-# Pairs that are kept for a second look: 0.3 GB.
-KEPT = 1 << 24
+# Cubes are wider than the radius by this share, so that rounding puts no neighbour two cubes away.
+WIDER = 1e-6
+
+# Cubes along an axis, so that three axes make one number of 64 bits.
+SPAN = 1 << 20
 
 
-def radius_pairs(points: Tensor, radius: float) -> tuple[Tensor, Tensor]:
-    """Every ordered pair of different points at most `radius` (m) apart.
+class Neighbourhoods:
+    """The points within `radius` (m) of each of N points, found for a part of them at a time: memory is bounded.
 
-    points: (N, 3), any float type, on any device. Returns (centre, neighbour), each (P,) int64 on the device
-    of the points, sorted by centre and then by neighbour; each pair occurs both ways round. Two points at the
-    same place are neighbours of each other; a point is never its own. Distances are compared in float64.
+    points: (N, 3), any float type, on any device. Two points at the same place are neighbours of each other; a point
+    is never its own. Distances are compared in float64. Points are sorted into cubes as wide as the radius, and only
+    those in the 27 cubes about a point are looked at.
+
+    Attributes:
+        order: (N,) int64 on the CPU, the points so that close ones come together. All other numbers of points here
+            are places in this order.
+        parts: slices of the order that are small enough for `of`, in order.
 
     Raises InputError for another shape and for NaN or infinite coordinates.
     """
-    keys = [torch.cat([i << 32 | j, j << 32 | i]) for i, j in half_pairs(points, radius)]
-    key = _sorted(torch.cat(keys)) if keys else torch.empty(0, dtype=torch.int64, device=points.device)
+
+    def __init__(self, points: Tensor, radius: float) -> None:
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise InputError(f"points: expected shape (N, 3), got {tuple(points.shape)}")
+        if not torch.isfinite(points).all():
+            raise InputError("points: expected finite coordinates, got NaN or infinite values")
+        xyz = points.detach().cpu().double().numpy()
+        self.radius = radius
+        order, self._cube, self._first, self._last = _cubes(xyz, radius)
+        self._xyz = np.ascontiguousarray(xyz[order].T)
+        self.order = torch.from_numpy(order)
+        self._candidates = np.concatenate([[0], (self._last - self._first).sum(1)[self._cube].cumsum()])
+        self.parts = list(self._parts())
+
+    def _parts(self) -> Iterator[slice]:
+        group = self._candidates[:-1] // CANDIDATES
+        borders = np.concatenate([[0], np.flatnonzero(np.diff(group)) + 1, [len(group)]])
+        return (slice(int(a), int(b)) for a, b in pairwise(borders) if a < b)
+
+    def of(self, part: slice) -> tuple[Tensor, Tensor]:
+        """Of the points in the part: their neighbours (P,) int32, one point's after the other's, and where they start
+        (n + 1,) int64: those of point k of the part are neighbour[start[k] : start[k + 1]]."""
+        room = self._candidates[part.stop] - self._candidates[part.start] + 1
+        start, neighbour = np.zeros(part.stop - part.start + 1, np.int64), np.empty(room, np.int32)
+        cubes = (self._cube[part], self._first, self._last)
+        _within(self._xyz, self.radius**2, part.start, *cubes, start, neighbour)
+        return torch.from_numpy(start), torch.from_numpy(neighbour[: start[-1]])
+
+
+def radius_pairs(points: Tensor, radius: float) -> tuple[Tensor, Tensor]:
+    """Every ordered pair of different points at most `radius` (m) apart, as in `Neighbourhoods`.
+
+    Returns (centre, neighbour), each (P,) int64 on the device of the points, sorted by centre and then by neighbour;
+    each pair occurs both ways round.
+    """
+    near = Neighbourhoods(points, radius)
+    found = [np.empty(0, np.int64)]
+    for part in near.parts:
+        start, neighbour = near.of(part)
+        centre = near.order[part].repeat_interleave(start.diff())
+        found.append((centre << 32 | near.order[neighbour]).numpy())
+    key = torch.from_numpy(np.sort(np.concatenate(found))).to(points.device)  # one key sorts faster than two columns
     return key >> 32, key & 0xFFFFFFFF
 
 
-def _sorted(key: Tensor) -> Tensor:
-    """One combined key sorts faster than two columns, and on a CPU numpy, which keeps no permutation, 5x faster."""
-    return torch.from_numpy(np.sort(key.numpy())) if key.device.type == "cpu" else key.sort().values
+def _cubes(xyz: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The points' order; in it the cube of each (N,); and first and last (cubes, 9): the points of the nine rows of
+    three cubes about each cube."""
+    width = (1 + WIDER) * radius
+    steps = [_compact(np.floor(column / width)) for column in xyz.T]
+    ny, nz = (int(step.max(initial=0)) + 2 for step in steps[1:])
+    key = (steps[0] * ny + steps[1]) * nz + steps[2]
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    new = np.diff(key, prepend=-1) > 0
+    rows = np.array([(x * ny + y) * nz for x in (-1, 0, 1) for y in (-1, 0, 1)]) + key[new][:, None]
+    first, last = np.searchsorted(key, rows - 1, side="left"), np.searchsorted(key, rows + 1, side="right")
+    return order, np.cumsum(new) - 1, first, last
 
 
-class HalfPairs:
-    """`half_pairs` to go through more than once: searched for once where they are at most `KEPT`."""
-
-    def __init__(self, points: Tensor, radius: float) -> None:
-        self.points, self.radius = points, radius
-        self.kept: list[tuple[Tensor, Tensor]] | None = []
-        count = 0
-        for part in half_pairs(points, radius):
-            self.kept.append(part)
-            count += len(part[0])
-            if count > KEPT:
-                self.kept = None
-                break
-
-    def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:
-        return half_pairs(self.points, self.radius) if self.kept is None else iter(self.kept)
+def _compact(cube: np.ndarray) -> np.ndarray:
+    """Whole numbers (N,) with the same order and neighbours, from 1 on, and small: wide gaps are narrowed if needed."""
+    cube = cube - cube.min(initial=0)
+    if cube.max(initial=0) > SPAN:
+        values, place = np.unique(cube, return_inverse=True)
+        cube = np.minimum(np.diff(values, prepend=values[:1]), 2).cumsum()[place]
+    return cube.astype(np.int64) + 1
 
 
-def half_pairs(points: Tensor, radius: float) -> Iterator[tuple[Tensor, Tensor]]:
-    """The unordered pairs {i, j} of `radius_pairs`, each once and in no order, in parts of bounded memory."""
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"points: expected shape (N, 3), got {tuple(points.shape)}")
-    if not torch.isfinite(points).all():
-        raise InputError("points: expected finite coordinates, got NaN or infinite values")
-    search = _by_trees if points.device.type == "cpu" else _by_distances
-    return search(points.detach().double(), radius)
+@compiled
+def _within(
+    xyz: np.ndarray,
+    square: float,
+    begin: int,
+    cube: np.ndarray,
+    first: np.ndarray,
+    last: np.ndarray,
+    start: np.ndarray,
+    neighbour: np.ndarray,
+) -> None:
+    """Fill `start` and `neighbour` for the points from `begin` on, whose cubes are given.
 
-
-def _by_trees(points: Tensor, radius: float) -> Iterator[tuple[Tensor, Tensor]]:
-    """By k-d trees of compact blocks of points, so that most pairs lie within one tree."""
-    xyz = points.numpy()
-    order = cKDTree(xyz).indices if len(xyz) > BLOCK else np.arange(len(xyz))
-    blocks = [order[start : start + BLOCK] for start in range(0, len(xyz), BLOCK)]
-    trees = [cKDTree(xyz[block]) for block in blocks]
-    for a, tree in enumerate(trees):
-        pairs = tree.query_pairs(radius, output_type="ndarray")
-        ends = np.ascontiguousarray(pairs.T)
-        yield torch.from_numpy(blocks[a][ends[0]]), torch.from_numpy(blocks[a][ends[1]])
-        for b in range(a + 1, len(trees)):
-            pairs = tree.sparse_distance_matrix(trees[b], radius, output_type="ndarray")
-            if len(pairs):
-                yield torch.from_numpy(blocks[a][pairs["i"]]), torch.from_numpy(blocks[b][pairs["j"]])
-
-
-def _by_distances(points: Tensor, radius: float) -> Iterator[tuple[Tensor, Tensor]]:
-    """By all distances, a band of rows at a time: what an accelerator is fast at."""
-    rows = max(1, BLOCK**2 // max(1, len(points)))
-    for start in range(0, len(points), rows):
-        band, rest = points[start : start + rows], points[start:]
-        distance = torch.cdist(band, rest, compute_mode="donot_use_mm_for_euclid_dist")
-        i, j = (distance <= radius).nonzero().unbind(1)
-        once = j > i
-        yield i[once] + start, j[once] + start
+    Every candidate is written and kept by counting it: without a branch, which would be guessed wrong too often.
+    """
+    found = 0
+    for k in range(len(cube)):
+        i = begin + k
+        x, y, z = xyz[0, i], xyz[1, i], xyz[2, i]
+        for row in range(9):
+            for j in range(first[cube[k], row], last[cube[k], row]):
+                dx, dy, dz = xyz[0, j] - x, xyz[1, j] - y, xyz[2, j] - z
+                neighbour[found] = j
+                found += (dx * dx + dy * dy + dz * dz <= square) & (j != i)
+        start[k + 1] = found

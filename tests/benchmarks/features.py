@@ -20,7 +20,7 @@ from shared.harness import Report, take_turns, threads
 
 from spgf_torch.config import FeatureConfig, settings
 from spgf_torch.features.spgf import spgf
-from spgf_torch.geometry.neighbours import half_pairs
+from spgf_torch.geometry.neighbours import radius_pairs
 
 SIZES = (1_000, 2_000, 4_000, 20_000, 100_000)
 ASKED = {1_000: 3.0, 2_000: 3.0, 4_000: 3.0, 20_000: 1.5, 100_000: 1.5}
@@ -34,7 +34,7 @@ def main(sizes: list[int]) -> None:
     ratios: dict[tuple[int, int], float] = {}
     for size in sizes:
         positions, normals = cloud(size)
-        neighbours = 2 * sum(len(i) for i, _ in half_pairs(positions, config.radius)) / size
+        neighbours = len(radius_pairs(positions, config.radius)[0]) / size
         methods = {device: partial(spgf, positions.to(device), normals.to(device), config) for device in devices}
         if open3d:
             points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(positions.double().numpy()))

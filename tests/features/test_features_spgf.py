@@ -10,9 +10,8 @@ import torch
 from spgf_torch.config import FeatureConfig, InputError, settings
 from spgf_torch.features import spgf as spgf_module
 from spgf_torch.features.relations import reference_frames, turned
-from spgf_torch.features.spgf import describe, spgf, to_neighbours
+from spgf_torch.features.spgf import Features, spgf
 from spgf_torch.geometry import neighbours, se3
-from spgf_torch.geometry.neighbours import HalfPairs
 
 RIGHT = math.pi / 2
 ARGMAX = settings(FeatureConfig)
@@ -48,6 +47,24 @@ def box_surface(N: int = 1500, noise: float = 0.05, seed: int = 0) -> tuple[torc
     return points + 5e-4 * torch.randn((N, 3), generator=generator(seed + 4)).double(), unit(normals, dim=1)
 
 
+def loop_frames(X: torch.Tensor, n: torch.Tensor) -> torch.Tensor:
+    """Reference frames (N, 3, 3) towards the mean of the neighbours."""
+    near = (torch.cdist(X, X) <= ARGMAX.radius) & ~torch.eye(len(X), dtype=torch.bool)
+    towards = [X[row].mean(dim=0) - x if row.any() else torch.zeros(3) for x, row in zip(X, near, strict=True)]
+    return reference_frames(n, torch.stack(towards).to(n))
+
+
+def turned_spgf(angle: torch.Tensor, X: torch.Tensor, n: torch.Tensor, config: FeatureConfig) -> Features:
+    """Features whose R_x is turned by the angle (N,), rad: a texlet is known by its normal."""
+
+    def frames(normals: torch.Tensor, towards: torch.Tensor) -> torch.Tensor:
+        return turned(reference_frames(normals, towards), angle[torch.cdist(normals, n).argmin(dim=1)])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(spgf_module, "reference_frames", frames)
+        return spgf(X, n, config)
+
+
 def change(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
     """Root mean square difference of the relational parts of each feature, in degrees."""
     return torch.rad2deg((a.relations() - b.relations()).square().mean(dim=1).sqrt())
@@ -62,8 +79,7 @@ def change(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
 def test_equals_the_loop_reference(N, half_length, cells):
     """Sparse clouds have gaps and ties in nearly every ring, dense ones in none."""
     X, n = random_cloud(N)
-    pairs = HalfPairs(X, ARGMAX.radius)
-    frames = reference_frames(n, to_neighbours(X, pairs))
+    frames = loop_frames(X, n)
     expected_rings, expected_T, expected_valid = spgf_reference.spgf(
         X.numpy(), n.numpy(), frames.numpy(), N, cells=cells, half_length=half_length
     )
@@ -77,8 +93,7 @@ def test_equals_the_loop_reference(N, half_length, cells):
 @pytest.mark.parametrize("alignment", ["argmax", "soft", "random"])
 def test_one_and_two_threads_give_the_same_bits(monkeypatch, alignment):
     X, n = box_surface(700)
-    monkeypatch.setattr(spgf_module, "PAIRS", 1 << 10)
-    monkeypatch.setattr(spgf_module, "FEATURES", 1 << 7)
+    monkeypatch.setattr(neighbours, "CANDIDATES", 1 << 14)
     config, found = settings(FeatureConfig, alignment=alignment), []
     before = torch.get_num_threads()
     for threads in (1, 2):
@@ -92,8 +107,7 @@ def test_one_and_two_threads_give_the_same_bits(monkeypatch, alignment):
 
 def test_equals_the_loop_reference_on_a_shape_with_walls_and_rims():
     X, n = box_surface(500)
-    pairs = HalfPairs(X, ARGMAX.radius)
-    frames = reference_frames(n, to_neighbours(X, pairs))
+    frames = loop_frames(X, n)
     rings, T, _ = spgf_reference.spgf(X.numpy(), n.numpy(), frames.numpy(), 60)
     features = spgf(X, n, ARGMAX)
     assert np.allclose(features.rings[:60].numpy(), rings, atol=1e-6)
@@ -115,9 +129,7 @@ def test_float32_agrees_with_float64():
 def test_does_not_depend_on_how_the_work_is_cut(config, monkeypatch):
     X, n = box_surface(600)
     whole = spgf(X, n, config)
-    monkeypatch.setattr(neighbours, "BLOCK", 100)
-    monkeypatch.setattr(spgf_module, "PAIRS", 999)
-    monkeypatch.setattr(spgf_module, "FEATURES", 100)
+    monkeypatch.setattr(neighbours, "CANDIDATES", 999)
     cut = spgf(X, n, config)
     assert torch.allclose(cut.rings, whole.rings, atol=1e-9)
     assert torch.allclose(cut.T_object_feature, whole.T_object_feature, atol=1e-9)
@@ -223,13 +235,10 @@ def test_the_tie_rule_does_not_depend_on_the_reference_direction():
     """R_x turned by whole cells leaves the cells' contents alone, so rings and poses must be the same, also where
     gaps tie: the sparse cloud has a gap in nearly every top ring."""
     for X, n in (box_surface(700), random_cloud(40)):
-        pairs = HalfPairs(X, ARGMAX.radius)
-        frames = reference_frames(n, to_neighbours(X, pairs))
-        before = describe(X, frames, pairs, ARGMAX)
+        before = spgf(X, n, ARGMAX)
         assert (before.rings[:, 0, :, 1] == RIGHT).any(dim=1).float().mean() > 0.1
         for cells in (1, 7, 18, 35):
-            angle = torch.full((len(X),), cells * math.pi / 18, dtype=torch.float64)
-            after = describe(X, turned(frames, angle), pairs, ARGMAX)
+            after = turned_spgf(torch.full((len(X),), cells * math.pi / 18, dtype=torch.float64), X, n, ARGMAX)
             same = (after.rings - before.rings).abs().amax(dim=(1, 2, 3)) < 1e-9
             assert same.float().mean() > 0.995
             assert torch.allclose(after.T_object_feature[same], before.T_object_feature[same], atol=1e-9)
@@ -239,11 +248,9 @@ def test_soft_alignment_hardly_depends_on_the_reference_direction():
     """Any R_x: half of the features change by less than 1.5 deg and nine in ten by less than 3.5 (measured 1.0
     and 2.5, of 20 that two features differ by); the argmax on fixed cells changes more (2.7 and 8.7)."""
     X, n = box_surface()
-    pairs = HalfPairs(X, ARGMAX.radius)
-    frames = reference_frames(n, to_neighbours(X, pairs))
     angle = 2 * math.pi * torch.rand(len(X), generator=generator(9), dtype=torch.float64)
-    soft = change(describe(X, turned(frames, angle), pairs, SOFT), describe(X, frames, pairs, SOFT))
-    hard = change(describe(X, turned(frames, angle), pairs, ARGMAX), describe(X, frames, pairs, ARGMAX))
+    soft = change(turned_spgf(angle, X, n, SOFT), spgf(X, n, SOFT))
+    hard = change(turned_spgf(angle, X, n, ARGMAX), spgf(X, n, ARGMAX))
     assert soft.median() < 1.5
     assert soft.quantile(0.9) < 3.5
     assert soft.median() < hard.median() / 2
@@ -342,14 +349,3 @@ def test_random_alignment_turns_rings_and_pose_together():
     assert len(turn.unique()) == 36
     for row in range(300):
         assert torch.equal(first.rings[row], aligned.rings[row].roll(-int(turn[row]), dims=1))
-
-
-def test_the_reference_axis_points_to_the_mean_of_the_neighbours():
-    """Neighbours of the origin at x = 1 and 3 cm and y = 1 cm, their mean at (4/3, 1/3); one texlet is alone."""
-    X = torch.tensor([[0, 0, 0], [0.01, 0, 0], [0.03, 0, 0], [0, 0.01, 0], [1, 1, 1]], dtype=torch.float64)
-    towards = to_neighbours(X, HalfPairs(X, 0.03))
-    assert torch.allclose(towards[0], torch.tensor([0.04 / 3, 0.01 / 3, 0], dtype=torch.float64))
-    assert torch.equal(towards[4], torch.zeros(3, dtype=torch.float64))
-    R_x = reference_frames(torch.tensor([[0.0, 0, 1]] * 5, dtype=torch.float64), towards)[:, :, 0]
-    assert torch.allclose(R_x[0], torch.tensor([4.0, 1, 0], dtype=torch.float64) / math.sqrt(17))
-    assert torch.allclose(R_x[4].abs(), torch.tensor([1.0, 0, 0], dtype=torch.float64))

@@ -5,7 +5,7 @@ import torch
 
 from spgf_torch.config import InputError
 from spgf_torch.geometry import neighbours
-from spgf_torch.geometry.neighbours import HalfPairs, half_pairs, radius_pairs
+from spgf_torch.geometry.neighbours import Neighbourhoods, radius_pairs
 
 
 def loop_pairs(points: torch.Tensor, radius: float) -> list[tuple[int, int]]:
@@ -23,18 +23,31 @@ def cloud() -> torch.Tensor:
     return torch.cat([points, points[:3]])  # three of them twice
 
 
-@pytest.mark.parametrize("block", [4096, 20, 1])
-@pytest.mark.parametrize("search", ["_by_trees", "_by_distances"])
-def test_pairs_are_those_of_the_loop_in_its_order(cloud, block, search, monkeypatch):
-    monkeypatch.setattr(neighbours, "BLOCK", block)
-    monkeypatch.setattr(neighbours, "_by_trees", getattr(neighbours, search))
-    assert as_list(radius_pairs(cloud, 0.3)) == loop_pairs(cloud, 0.3)
+@pytest.mark.parametrize("candidates", [1 << 18, 200, 1])
+@pytest.mark.parametrize("scale", [1.0, 40.0, 1e12])
+def test_pairs_are_those_of_the_loop_in_its_order(cloud, scale, candidates, monkeypatch):
+    """In one part or in many; close together and so far apart that cubes cannot be counted through."""
+    monkeypatch.setattr(neighbours, "CANDIDATES", candidates)
+    far = torch.cat([cloud, cloud[:5] + scale])
+    assert as_list(radius_pairs(far, 0.3)) == loop_pairs(far, 0.3)
 
 
-def test_half_pairs_name_each_pair_once(cloud, monkeypatch):
-    monkeypatch.setattr(neighbours, "BLOCK", 20)
-    once = [tuple(sorted(pair)) for part in half_pairs(cloud, 0.3) for pair in as_list(part)]
-    assert sorted(once) == [(i, j) for i, j in loop_pairs(cloud, 0.3) if i < j]
+@pytest.mark.parametrize("radius", [1e-6, 0.07, 5.0])
+def test_any_radius(cloud, radius):
+    assert as_list(radius_pairs(cloud, radius)) == loop_pairs(cloud, radius)
+
+
+def test_parts_are_the_order_cut_by_candidates(cloud, monkeypatch):
+    monkeypatch.setattr(neighbours, "CANDIDATES", 100)
+    near = Neighbourhoods(cloud, 0.3)
+    assert sorted(near.order.tolist()) == list(range(63))
+    assert [place for part in near.parts for place in range(part.start, part.stop)] == list(range(63))
+    found = set()
+    for part in near.parts:
+        start, neighbour = near.of(part)
+        for centre, a, b in zip(near.order[part].tolist(), start[:-1], start[1:], strict=True):
+            found |= {(centre, int(near.order[place])) for place in neighbour[a:b]}
+    assert found == set(loop_pairs(cloud, 0.3))
 
 
 def test_the_radius_itself_belongs():
@@ -52,15 +65,3 @@ def test_too_few_points_have_no_pairs(N):
 def test_unusable_points_are_named(bad):
     with pytest.raises(InputError, match="points: expected"):
         radius_pairs(bad, 0.1)
-
-
-@pytest.mark.parametrize("kept", [1 << 24, 10])
-def test_pairs_can_be_gone_through_twice(monkeypatch, kept):
-    """Whether they are kept or searched for again."""
-    monkeypatch.setattr(neighbours, "KEPT", kept)
-    monkeypatch.setattr(neighbours, "BLOCK", 16)
-    points = torch.rand((60, 3), generator=torch.Generator().manual_seed(0))
-    pairs, once = HalfPairs(points, 0.3), list(half_pairs(points, 0.3))
-    for _ in range(2):
-        for (i, j), (k, m) in zip(pairs, once, strict=True):
-            assert torch.equal(i, k) and torch.equal(j, m)
