@@ -153,6 +153,7 @@ class PrototypeConfig:
     restarts: int = bounded(1, 1000)
     subsample: int = bounded(100, 10_000_000)
     components: int = bounded(1, 10_000)
+    parts: int = bounded(1, 1_000_000)
     finalists: int = bounded(1, 1000)
     breath: int = bounded(0, 100)
     batch_size: int = bounded(1, 1_000_000)

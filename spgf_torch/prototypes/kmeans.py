@@ -1,22 +1,23 @@
-"""k-means (Lloyd 1982) in single steps: pure functions of torch tensors, on any device.
+"""k-means: pure functions of torch tensors; those that move centres on the CPU, the others on any device.
 
-`points` (N, D) and `centres` (K, D) are of one floating type. Work goes in chunks of points, so that memory
-does not grow with N * K. Sums over clusters are products with a 0/1 matrix: as fast as `index_add_` and, unlike it,
-the same in every run on an accelerator too.
+`points` (N, D) and `centres` (K, D) are of one floating type. Distances are |x|^2 - 2 x.c + |c|^2, off by about
+1e-6 (|x|^2 + |c|^2), and go in chunks of points.
 """
 
 from __future__ import annotations
 
+import numpy as np
 import torch
 from torch import Tensor
+
+from spgf_torch.prototypes import kernels
+from spgf_torch.threads import in_parts, one_thread
 
 # Distances in memory at once; 4 MB of float32.
 CHUNK = 1 << 20
 
-
-def squared_distances(points: Tensor, centres: Tensor) -> Tensor:
-    """(N, K) squared Euclidean distances, |x|^2 - 2 x.c + |c|^2: never negative, off by about 1e-6 (|x|^2 + |c|^2)."""
-    return _relative_distances(points, centres).add_(points.square().sum(1, keepdim=True)).clamp_(min=0)
+# Points that a thread takes at once; sums over points are added up by these parts, whatever the number of threads.
+PART = 1 << 13
 
 
 def nearest(points: Tensor, centres: Tensor, norms: Tensor | None = None) -> tuple[Tensor, Tensor]:
@@ -36,56 +37,47 @@ def inertia(points: Tensor, centres: Tensor) -> float:
     return float(nearest(points, centres)[0].double().sum())
 
 
-def cluster_sums(points: Tensor, ids: Tensor, num_clusters: int) -> tuple[Tensor, Tensor]:
-    """Sum (K, D) and number (K,), of the points' type, of each cluster's points."""
-    sums = points.new_zeros(num_clusters, points.shape[1])
-    for part, members in zip(_chunks(points, num_clusters), _chunks(ids, num_clusters), strict=True):
-        belongs = points.new_zeros(num_clusters, len(part)).scatter_(0, members[None], 1.0)
-        sums.addmm_(belongs, part)
-    return sums, torch.bincount(ids, minlength=num_clusters).to(points)
-
-
 def kmeans_plusplus(
-    points: Tensor, num_clusters: int, restarts: int, generator: torch.Generator, tries: int = 2
+    points: Tensor,
+    num_clusters: int,
+    restarts: int,
+    generator: torch.Generator,
+    tries: int = 2,
+    weights: Tensor | None = None,
 ) -> Tensor:
     """Starts (R, K, D) by greedy k-means++ (Arthur, Vassilvitskii 2007): of `tries` points the one that helps most.
 
     A point is drawn in proportion to its squared distance to the centres so far, so a copy of a centre is never
-    drawn while points away from the centres are left.
+    drawn while points away from the centres are left. `weights` (N,): how many points each stands for.
     """
     rows = torch.arange(restarts, device=points.device)
-    chosen = torch.randint(len(points), (restarts,), generator=generator).to(points.device)
-    centres = [points[chosen]]
-    distance = _exact_distances(points, centres[0])
+    weights = points.new_ones(len(points)) if weights is None else weights
+    centres = [points[_draw(weights.expand(restarts, -1), 1, generator)[:, 0]]]
+    distance = _exact_distances(points, centres[0]) * weights
     for _ in range(1, num_clusters):
         drawn = _draw(distance, tries, generator)
-        reached = _exact_distances(points, points[drawn]).minimum(distance[:, None])
+        reached = _exact_distances(points, points[drawn]).mul_(weights).minimum(distance[:, None])
         best = reached.sum(2).argmin(1)
         centres.append(points[drawn[rows, best]])
         distance = reached[rows, best]
     return torch.stack(centres, dim=1)
 
 
-def lloyd_step(points: Tensor, centres: Tensor, norms: Tensor | None = None) -> tuple[Tensor, float]:
-    """Every centre moves to the mean of its points; the new centres (K, D) and the inertia of the old ones.
+def lloyd(points: Tensor, centres: Tensor, steps: int, tolerance: float) -> tuple[Tensor, Tensor]:
+    """Lloyd steps until one lowers the inertia by no more than the share `tolerance`, or `steps` are done.
 
-    A centre without points moves to a point far from its own centre. `norms` as in `nearest`.
+    In a step every centre moves to the mean of its points; a centre without points moves to a point far from its own
+    centre. Returns the centres (K, D) and how many points each of them is nearest to (K,). Memory: N * K numbers.
     """
-    distance, ids = nearest(points, centres, norms)
-    sums, counts = cluster_sums(points, ids, len(centres))
-    moved = torch.where(counts[:, None] > 0, sums / counts.clamp(min=1)[:, None], centres)
-    return reassign_empty(points, moved, counts, distance), float(distance.double().sum())
-
-
-def lloyd(points: Tensor, centres: Tensor, steps: int, tolerance: float) -> Tensor:
-    """Lloyd steps until one lowers the inertia by no more than the share `tolerance`, or `steps` are done."""
-    norms, last = points.square().sum(1), float("inf")
-    for _ in range(steps):
-        centres, now = lloyd_step(points, centres, norms)
-        if last - now <= tolerance * now:
-            break
-        last = now
-    return centres
+    nearest_centres, last = _Nearest(points, centres), float("inf")
+    with one_thread():
+        for _ in range(steps):
+            centres, now = nearest_centres.means()
+            nearest_centres.follow(centres)
+            if last - now <= tolerance * now:
+                break
+            last = now
+    return nearest_centres.centres, torch.from_numpy(nearest_centres.counts)
 
 
 def minibatch_step(batch: Tensor, centres: Tensor, counts: Tensor) -> tuple[Tensor, Tensor]:
@@ -93,10 +85,14 @@ def minibatch_step(batch: Tensor, centres: Tensor, counts: Tensor) -> tuple[Tens
 
     batch (B, D); counts (K,) of the points' type: how many points the centres stand for. Returns both anew.
     """
-    sums, seen = cluster_sums(batch, assign(batch, centres), len(centres))
+    sums, members = _no_members(centres)
+    for part in _chunks(batch, len(centres)):
+        ids = np.empty(len(part), np.int64)
+        kernels.add_nearest(_relative_distances(part, centres).numpy(), part.numpy(), ids, sums, members)
+    seen = torch.from_numpy(members)
     total = counts + seen
-    step = (sums - seen[:, None] * centres) / total.clamp(min=1)[:, None]
-    return centres + step, total
+    step = (torch.from_numpy(sums) - seen[:, None] * centres.double()) / total.clamp(min=1)[:, None]
+    return centres + step.to(centres), total
 
 
 def reassign_empty(points: Tensor, centres: Tensor, counts: Tensor, distance: Tensor) -> Tensor:
@@ -111,6 +107,61 @@ def canonical_order(centres: Tensor, counts: Tensor) -> Tensor:
     """The order (K,) of descending count, equals by their coordinates: equal clusterings get equal ids."""
     keys = [(-count, *row) for count, row in zip(counts.tolist(), centres.tolist(), strict=True)]
     return torch.tensor(sorted(range(len(keys)), key=keys.__getitem__), device=centres.device)
+
+
+class _Nearest:
+    """The centre nearest to each point, kept up to date while the centres move.
+
+    Bounds on the distances (Elkan 2003) tell which points may have changed: soon few of them, and only these are
+    measured again. The ids are those of measuring all of them, but where two centres are as near up to rounding.
+    """
+
+    def __init__(self, points: Tensor, centres: Tensor) -> None:
+        kind, (N, K) = points.numpy().dtype, (len(points), len(centres))
+        self.points, self.centres = points, centres
+        self.norms, self.upper, self.lower = np.empty(N, kind), np.empty(N, kind), np.empty((N, K), kind)
+        self.ids, self.doubtful, self.moved = np.empty(N, np.int64), np.arange(N), np.zeros(K, kind)
+        self.sums, self.counts = _no_members(centres)
+        for sums, counts in in_parts(self._measure, range(0, N, PART)):
+            self.sums += sums
+            self.counts += counts
+        self.norm = float(self.norms.sum(dtype=np.float64))
+
+    def _measure(self, start: int) -> tuple[kernels.Doubles, kernels.Ids]:
+        """All bounds of a part of the points; its sums and counts."""
+        part = slice(start, start + PART)
+        points, (sums, counts) = self.points[part], _no_members(self.centres)
+        self.norms[part] = points.square().sum(1).numpy()
+        relative = _relative_distances(points, self.centres).numpy()
+        kernels.add_nearest(relative, points.numpy(), self.ids[part], sums, counts)
+        kernels.bound(relative, self.norms, self.moved, self.ids, self.upper, self.lower, self.doubtful[part])
+        return sums, counts
+
+    def means(self) -> tuple[Tensor, float]:
+        """The centres' next places (K, D), and the inertia if no point changes its centre."""
+        counts = torch.from_numpy(self.counts)
+        means = torch.from_numpy(self.sums / np.maximum(self.counts, 1)[:, None])
+        inertia = self.norm - float((counts * means.square().sum(1)).sum())
+        centres = torch.where(counts[:, None] > 0, means.to(self.centres), self.centres)
+        if not counts.all():
+            centres = reassign_empty(self.points, centres, counts, nearest(self.points, self.centres)[0])
+        return centres, max(inertia, 0.0)
+
+    def follow(self, centres: Tensor) -> None:
+        step = torch.linalg.vector_norm(centres - self.centres, dim=1).numpy()
+        half = torch.cdist(centres, centres).fill_diagonal_(float("inf")).amin(1).div_(2).numpy()
+        self.centres = centres
+        self.moved += step
+        count = kernels.doubtful(step, self.moved, half, self.ids, self.upper, self.lower, self.doubtful)
+        which, points = self.doubtful[:count], self.points.numpy()
+        relative = _relative_distances(self.points[torch.from_numpy(which)], centres).numpy()
+        kernels.reassign(relative, points, which, self.ids, self.sums, self.counts)
+        kernels.bound(relative, self.norms, self.moved, self.ids, self.upper, self.lower, which)
+
+
+def _no_members(centres: Tensor) -> tuple[kernels.Doubles, kernels.Ids]:
+    """Sums (K, D) and counts (K,) of no points."""
+    return np.zeros(tuple(centres.shape)), np.zeros(len(centres), np.int64)
 
 
 def _relative_distances(points: Tensor, centres: Tensor) -> Tensor:

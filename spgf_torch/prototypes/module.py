@@ -25,7 +25,7 @@ from lightning.pytorch.plugins.environments import LightningEnvironment
 from torch import Tensor
 
 from spgf_torch.config import InputError, PrototypeConfig, plain
-from spgf_torch.prototypes.kmeans import assign, canonical_order, lloyd, minibatch_step
+from spgf_torch.prototypes.kmeans import canonical_order, lloyd, minibatch_step
 from spgf_torch.prototypes.search import initial_centres
 
 CHECKPOINT = "prototypes.ckpt"
@@ -39,9 +39,10 @@ EXPECTED_WARNINGS = (
 
 
 class MiniBatches:
-    """relations (L, D) in shuffled batches. The order of an epoch depends on seed and epoch alone: resumable.
+    """relations (L, D) in batches of every n-th of them: each has something of every object, and nothing is copied.
 
-    A plain iterable: a DataLoader would only add its collation, and a warning on machines with many cores.
+    The order of an epoch depends on seed and epoch alone: resumable. A plain iterable: a DataLoader would only add its
+    collation, and a warning on machines with many cores.
     """
 
     def __init__(self, relations: Tensor, batch_size: int, seed: int, epoch: int) -> None:
@@ -52,8 +53,8 @@ class MiniBatches:
 
     def __iter__(self) -> Iterator[Tensor]:
         generator = torch.Generator().manual_seed(int(np.random.SeedSequence(self.stream).generate_state(1)[0]))
-        order = torch.randperm(len(self.relations), generator=generator).to(self.relations.device)
-        return (self.relations[ids] for ids in order.split(self.batch_size))
+        count = len(self)
+        return (self.relations[first::count] for first in torch.randperm(count, generator=generator).tolist())
 
 
 class MiniBatchKMeans(LightningModule):
@@ -112,23 +113,22 @@ def fit_prototypes(
 
     Raises InputError where relations are not finite numbers of shape (L, D) or fewer than K of them differ.
     """
-    relations = relations.float().contiguous()
+    device, relations = relations.device, relations.float().cpu().contiguous()
     _check(relations, config.num_clusters)
     checkpoint = None if folder is None else folder / CHECKPOINT
     origin = "" if folder is None else _origin(relations, config, seed)
     module = MiniBatchKMeans(relations, config, seed, checkpoint, origin)
     with _quiet:
-        trainer = _trainer(relations.device, config.epochs, progress and sys.stdout.isatty())
+        trainer = _trainer(config.epochs, progress and sys.stdout.isatty())
         trainer.fit(module, ckpt_path=_resumable(checkpoint, origin), weights_only=True)
-    centres = lloyd(relations, module.centres.to(relations.device), config.refine_steps, config.tolerance)
-    counts = torch.bincount(assign(relations, centres), minlength=len(centres))
-    return centres[canonical_order(centres, counts)]
+    centres, counts = lloyd(relations, module.centres, config.refine_steps, config.tolerance)
+    return centres[canonical_order(centres, counts)].to(device)
 
 
-def _trainer(device: torch.device, epochs: int, progress: bool) -> Trainer:
+def _trainer(epochs: int, progress: bool) -> Trainer:
     return Trainer(
-        accelerator="cpu" if device.type == "cpu" else "gpu",
-        devices=1 if device.index is None else [device.index],
+        accelerator="cpu",
+        devices=1,
         max_epochs=epochs,
         reload_dataloaders_every_n_epochs=1,
         num_sanity_val_steps=0,
@@ -174,7 +174,7 @@ _quiet = _Quiet()
 def _origin(relations: Tensor, config: PrototypeConfig, seed: int) -> str:
     """SHA-256 over what a fit depends on."""
     sha = hashlib.sha256(json.dumps([plain(config), seed, list(relations.shape)]).encode())
-    sha.update(relations.cpu().numpy().data)
+    sha.update(relations.numpy().data)
     return sha.hexdigest()
 
 
@@ -192,12 +192,15 @@ def _resumable(checkpoint: Path | None, origin: str) -> Path | None:
 def _check(relations: Tensor, num_clusters: int) -> None:
     if relations.ndim != 2:
         raise InputError(f"relations: expected shape (L, D), got {tuple(relations.shape)}")
-    bad = torch.nonzero(~relations.isfinite().all(1)).flatten()
-    if len(bad) > 0:
-        raise InputError(f"relations: expected finite numbers, got others in {len(bad)} rows, first in {int(bad[0])}")
+    if not relations.sum().isfinite():  # one pass, where all is well; a sum can also be too large for float32
+        bad = torch.nonzero(~relations.isfinite().all(1)).flatten()
+        if len(bad) > 0:
+            raise InputError(
+                f"relations: expected finite numbers, got others in {len(bad)} rows, first in {int(bad[0])}"
+            )
     distinct: set[bytes] = set()
-    for row in (relations + 0.0).cpu().numpy():  # + 0: a zero with a sign is the same zero
-        distinct.add(row.tobytes())
+    for row in relations.numpy():
+        distinct.add((row + 0).tobytes())  # + 0: a zero with a sign is the same zero
         if len(distinct) == num_clusters:
             return
     raise InputError(f"prototypes: expected at least K = {num_clusters} features that differ, got {len(distinct)}")

@@ -65,7 +65,7 @@ def main() -> None:
     report.devices()
     clouds = {size: cloud(size) for size in POINTS}
     relations = example(0, None)
-    centres = lloyd(relations, kmeans_plusplus(relations, 20, 1, torch.Generator().manual_seed(0))[0], 10, 1e-4)
+    centres, _ = lloyd(relations, kmeans_plusplus(relations, 20, 1, torch.Generator().manual_seed(0))[0], 10, 1e-4)
     with threads(1):
         grown(report, "points (SPGF)", by_size(lambda size: spgf(*clouds[size], FEATURES), POINTS))
         examples = [example(i, centres) for i in range(max(OBJECTS))]

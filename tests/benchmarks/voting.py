@@ -145,7 +145,7 @@ def main() -> None:
     devices = report.devices()
     relations = described(0)[1]
     centres = kmeans_plusplus(relations, K, 1, torch.Generator().manual_seed(0))[0]
-    centres = lloyd(relations, centres, 20, 1e-4)
+    centres, _ = lloyd(relations, centres, 20, 1e-4)
     asked = question(centres)
     for size in SIZES:
         compare(report, size, asked, centres, devices)

@@ -1,11 +1,14 @@
 """The search for a start: it leaves local optima that Lloyd steps are caught in."""
 
+import numpy as np
+import pytest
 import torch
 from torch import Tensor
 
 from spgf_torch.config import PrototypeConfig, settings
+from spgf_torch.prototypes import kernels
 from spgf_torch.prototypes.kmeans import inertia, lloyd
-from spgf_torch.prototypes.search import breathe, initial_centres, principal_components
+from spgf_torch.prototypes.search import Summary, breathe, initial_centres, principal_components
 
 
 def blobs(middles: Tensor, members: int = 100, spread: float = 0.1) -> Tensor:
@@ -23,22 +26,82 @@ def test_principal_components_keep_what_varies_most() -> None:
     assert torch.equal(all_three, centred)
 
 
+@pytest.mark.parametrize(("dims", "clusters"), [(1, 1), (3, 5), (4, 2), (16, 20), (18, 7)])
+def test_nearest_equals_the_loop(dims: int, clusters: int) -> None:
+    """More points than a block holds, and coordinates that are no whole number of fours."""
+    generator = torch.Generator().manual_seed(0)
+    points, centres = torch.randn(1300, dims, generator=generator), torch.randn(clusters, dims, generator=generator)
+    exact = torch.cdist(points.double(), centres.double()).square()
+    distance, second, ids = np.empty(1300, np.float32), np.empty(1300, np.float32), np.empty(1300, np.int64)
+    columns = np.ascontiguousarray(points.T.numpy())
+    kernels.nearest(columns, centres.numpy(), distance, second, ids)
+    np.testing.assert_allclose(exact.gather(1, torch.from_numpy(ids)[:, None])[:, 0], exact.amin(1), rtol=1e-5)
+    np.testing.assert_allclose(distance, exact.amin(1), rtol=1e-4, atol=1e-6)
+    if clusters > 1:
+        np.testing.assert_allclose(second, exact.sort(1).values[:, 1], rtol=1e-4, atol=1e-6)
+
+
+def test_weights_are_copies() -> None:
+    """Lloyd steps on points with whole weights are those on as many copies, also where a centre has none."""
+    generator = torch.Generator().manual_seed(0)
+    points, weights = torch.randn(200, 5, generator=generator), torch.randint(1, 5, (200,), generator=generator)
+    far = torch.full((1, 5), 90.0)
+    for start in (points[:4], torch.cat([points[:3], far])):
+        few, many = (summary_of(p, w) for p, w in ((points, weights), (points.repeat_interleave(weights, 0), None)))
+        one, other = few.settle(start.numpy(), 5, -1.0), many.settle(start.numpy(), 5, -1.0)
+        np.testing.assert_allclose(one.centres, other.centres, atol=1e-5)
+        assert abs(one.inertia - other.inertia) < 1e-3
+        expected = lloyd(points.repeat_interleave(weights, 0), start, 5, -1.0)[0]
+        np.testing.assert_allclose(one.centres, expected, atol=1e-5)
+
+
+def summary_of(points: Tensor, weights: Tensor | None = None) -> Summary:
+    """A summary in which every point is a part of its own."""
+    summary = Summary(points[:1], 1)
+    summary.rows, summary.columns = points.numpy(), np.ascontiguousarray(points.T.numpy())
+    summary.weights = (torch.ones(len(points)) if weights is None else weights.float()).numpy()
+    return summary
+
+
+@pytest.mark.parametrize("parts", [1, 2, 37, 400])
+def test_parts_hold_every_point_once_and_stand_at_its_mean(parts: int) -> None:
+    points = torch.randn(400, 6, generator=torch.Generator().manual_seed(0))
+    summary = Summary(points, parts)
+    assert len(summary.rows) == parts and summary.weights.sum() == 400
+    for part, (row, weight) in enumerate(zip(summary.rows, summary.weights, strict=True)):
+        members = points[torch.from_numpy(summary.part == part)]
+        assert len(members) == weight > 0
+        np.testing.assert_allclose(row, members.mean(0), atol=1e-5)
+
+
+def test_parts_split_where_the_error_is() -> None:
+    """0, 1 and 10, 11: first between 1 and 10 (mean 5.5), then each pair; copies of one point are never split."""
+    points = torch.tensor([[0.0], [10.0], [1.0], [11.0]]).repeat(3, 1)
+    assert Summary(points, 2).rows[:, 0].tolist() == [0.5, 10.5]
+    assert Summary(points, 99).rows[:, 0].tolist() == [0.0, 1.0, 10.0, 11.0]
+    assert Summary(torch.full((5, 2), 0.1), 3).weights.tolist() == [5.0]
+
+
 def test_breathing_leaves_a_local_optimum() -> None:
     """Two centres in one blob, one for two blobs that are near each other: Lloyd is caught, a breath is not.
 
     Freed, each blob has its centre: the inertia is that of the noise, 300 points x 2 coordinates x 0.1^2 = 6.
     """
     points = blobs(torch.tensor([[0.0, 0.0], [20.0, 0.0], [22.0, 0.0]]))
-    caught = lloyd(points, torch.tensor([[0.0, -0.1], [0.0, 0.1], [21.0, 0.0]]), 100, 0.0)
+    caught = lloyd(points, torch.tensor([[0.0, -0.1], [0.0, 0.1], [21.0, 0.0]]), 100, 0.0)[0]
     assert inertia(points, caught) > 100
-    assert inertia(points, breathe(points, caught, 1, torch.Generator().manual_seed(0))) < 7
+    summary = summary_of(points)
+    freed = breathe(summary, summary.settle(caught.numpy()), 1, torch.Generator().manual_seed(0))
+    assert freed.inertia < 7 and inertia(points, torch.from_numpy(freed.centres)) < 7
 
 
 def test_no_breath_changes_nothing_but_settles() -> None:
     points = blobs(torch.tensor([[0.0, 0.0], [5.0, 0.0]]))
-    settled = lloyd(points, points[[0, 100]], 100, 0.0)
-    assert torch.allclose(breathe(points, settled, 0, torch.Generator()), settled, atol=1e-6)
-    assert torch.allclose(breathe(points, settled[:1], 4, torch.Generator()), points.mean(0)[None], atol=1e-5)
+    settled, summary = lloyd(points, points[[0, 100]], 100, 0.0)[0], summary_of(points)
+    still = breathe(summary, summary.settle(settled.numpy()), 0, torch.Generator())
+    np.testing.assert_allclose(still.centres, settled, atol=1e-6)
+    alone = breathe(summary, summary.settle(settled[:1].numpy()), 4, torch.Generator())
+    np.testing.assert_allclose(alone.centres, points.mean(0)[None], atol=1e-5)
 
 
 def test_initial_centres_find_every_blob() -> None:

@@ -1,0 +1,216 @@
+"""Compiled loops of k-means: distances and sums in one pass over the points (numba, see `compiled.py`).
+
+Distances are float32 like the points; sums over points are float64, so that steps that add and take away do not drift.
+"""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spgf_torch.compiled import compiled
+
+Floats = NDArray[np.float32]
+Doubles = NDArray[np.float64]
+Ids = NDArray[np.int64]
+
+# Points whose distances to a centre are summed up at once: they stay in the first cache.
+BLOCK = 512
+
+
+@compiled
+def nearest(columns: Floats, centres: Floats, distance: Floats, second: Floats, ids: Ids) -> None:
+    """Squared distance and id of each point's nearest centre; if `second` is not empty, the next distance too.
+
+    columns (D, N), centres (K, D); distance, ids and second (N,) are written. Of equals the first centre counts.
+    """
+    D, N = columns.shape
+    sums = np.empty(BLOCK, np.float32)
+    distance[:], second[:], ids[:] = np.inf, np.inf, 0
+    for start in range(0, N, BLOCK):
+        part = slice(start, min(start + BLOCK, N))
+        least, found, other = distance[part], ids[part], second[part]
+        total = sums[: len(least)]
+        for k in range(len(centres)):
+            total[:] = 0
+            for j in range(0, D - 3, 4):  # four at once: a quarter of the traffic
+                a, b, c, d = columns[j, part], columns[j + 1, part], columns[j + 2, part], columns[j + 3, part]
+                p, q, r, s = centres[k, j], centres[k, j + 1], centres[k, j + 2], centres[k, j + 3]
+                for i in range(len(total)):
+                    total[i] += ((a[i] - p) ** 2 + (b[i] - q) ** 2) + ((c[i] - r) ** 2 + (d[i] - s) ** 2)
+            for j in range(D - D % 4, D):
+                a, p = columns[j, part], centres[k, j]
+                for i in range(len(total)):
+                    total[i] += (a[i] - p) ** 2
+            for i in range(len(other)):
+                other[i] = min(other[i], max(total[i], least[i]))
+            for i in range(len(total)):
+                found[i] = k if total[i] < least[i] else found[i]
+                least[i] = min(least[i], total[i])
+
+
+@compiled
+def lloyd(
+    columns: Floats,
+    rows: Floats,
+    weights: Floats,
+    centres: Floats,
+    steps: int,
+    tolerance: float,
+    distance: Floats,
+    second: Floats,
+    ids: Ids,
+) -> float:
+    """Lloyd steps on weighted points, `centres` in place; their inertia. distance, second, ids: of the end's centres.
+
+    Ends after `steps` or when a step lowers the inertia by no more than the share `tolerance`. A centre without points
+    moves to the point that is farthest from its own.
+    """
+    K, D = centres.shape
+    sums, sizes = np.empty((K, D), np.float64), np.empty(K, np.float64)
+    last = np.inf
+    for _ in range(steps):
+        nearest(columns, centres, distance, second[:0], ids)
+        sums[:], sizes[:], now = 0, 0, 0.0
+        for i in range(len(rows)):
+            k, weight = ids[i], weights[i]
+            now += weight * distance[i]
+            sizes[k] += weight
+            for j in range(D):
+                sums[k, j] += weight * rows[i, j]
+        if last - now <= tolerance * now:
+            break
+        last = now
+        for k in range(K):
+            if sizes[k] > 0:
+                for j in range(D):
+                    centres[k, j] = sums[k, j] / sizes[k]
+            else:
+                far = distance.argmax()
+                centres[k], distance[far] = rows[far], -1
+    nearest(columns, centres, distance, second, ids)
+    now = 0.0
+    for i in range(len(rows)):
+        now += weights[i] * distance[i]
+    return now
+
+
+@compiled
+def spread(rows: Floats, order: Ids, first: int, end: int) -> tuple[float, int, float]:
+    """Squared error of the rows order[first:end] about their mean, the axis of most of it, and the mean there."""
+    D = rows.shape[1]
+    sums, squares = np.zeros(D, np.float64), np.zeros(D, np.float64)
+    for p in range(first, end):
+        row = rows[order[p]]
+        for j in range(D):
+            value = np.float64(row[j])
+            sums[j] += value
+            squares[j] += value * value
+    errors = np.maximum(squares - sums * sums / (end - first), 0)
+    axis = int(errors.argmax())
+    return errors.sum(), axis, sums[axis] / (end - first)
+
+
+@compiled
+def split(rows: Floats, most: int, order: Ids) -> Ids:
+    """Parts of rows (N, D) that are alike: bounds (parts + 1,) in `order` (N,), which is rearranged.
+
+    The part of largest squared error is halved at its mean across its widest axis, until there are `most` or no part
+    has any error.
+    """
+    error, axis, mean = spread(rows, order, 0, len(order))
+    parts = [(-error, 0, len(order), axis, mean)]
+    while len(parts) < most and parts[0][0] < 0:
+        _, first, end, axis, mean = heapq.heappop(parts)
+        middle = first
+        for p in range(first, end):
+            if rows[order[p], axis] < mean:
+                order[middle], order[p] = order[p], order[middle]
+                middle += 1
+        if middle in (first, end):  # all alike but for rounding
+            heapq.heappush(parts, (0.0, first, end, axis, mean))
+            continue
+        for lower, upper in ((first, middle), (middle, end)):
+            error, axis, mean = spread(rows, order, lower, upper)
+            heapq.heappush(parts, (-error, lower, upper, axis, mean))
+    bounds = np.empty(len(parts) + 1, np.int64)
+    for p in range(len(parts)):
+        bounds[p] = parts[p][1]
+    bounds[-1] = len(order)
+    bounds.sort()
+    return bounds
+
+
+@compiled
+def add_nearest(relative: Floats, points: Floats, ids: Ids, sums: Doubles, counts: Ids) -> None:
+    """ids (N,): column of the least of `relative` (N, K), the first of equals; points (N, D) are added to its sum."""
+    N, K = relative.shape
+    for i in range(N):
+        least, found = relative[i, 0], 0
+        for k in range(1, K):
+            if relative[i, k] < least:
+                least, found = relative[i, k], k
+        ids[i] = found
+        counts[found] += 1
+        for j in range(points.shape[1]):
+            sums[found, j] += points[i, j]
+
+
+@compiled
+def add_members(points: Floats, ids: Ids, sums: Doubles, counts: Ids) -> None:
+    """points (N, D) are added to the sums (K, D) of their clusters, and counted."""
+    for i in range(len(points)):
+        counts[ids[i]] += 1
+        for j in range(points.shape[1]):
+            sums[ids[i], j] += points[i, j]
+
+
+@compiled
+def bound(relative: Floats, norms: Floats, moved: Floats, ids: Ids, upper: Floats, lower: Floats, which: Ids) -> None:
+    """Bounds from distances: relative (n, K) squared distances less |x|^2 of the points `which` (n,), ids of all (N,).
+
+    upper (N,): distance to the own centre; lower (N, K): to each centre, plus how far it had `moved` (K,) in all.
+    """
+    for row in range(len(which)):
+        i = which[row]
+        for k in range(relative.shape[1]):
+            lower[i, k] = np.sqrt(max(relative[row, k] + norms[i], np.float32(0))) + moved[k]
+        upper[i] = lower[i, ids[i]] - moved[ids[i]]
+
+
+@compiled
+def doubtful(step: Floats, moved: Floats, half: Floats, ids: Ids, upper: Floats, lower: Floats, which: Ids) -> int:
+    """How many points, written to `which`, may have another nearest centre after each centre went `step` (K,).
+
+    half (K,): half the distance from each centre to the next one; points within that are safe.
+    """
+    count = 0
+    for i in range(len(ids)):
+        own = ids[i]
+        upper[i] += step[own]
+        limit = upper[i]
+        if limit > half[own]:
+            near = 0
+            for k in range(len(step)):
+                near += lower[i, k] - moved[k] < limit
+            if near > (lower[i, own] - moved[own] < limit):  # others than the own centre
+                which[count] = i
+                count += 1
+    return count
+
+
+@compiled
+def reassign(relative: Floats, points: Floats, which: Ids, ids: Ids, sums: Doubles, counts: Ids) -> None:
+    """The points `which` (n,) go to the least of `relative` (n, K); from sum to sum, where that is another."""
+    for row in range(len(which)):
+        i, new = which[row], relative[row].argmin()
+        old = ids[i]
+        if new != old:
+            ids[i] = new
+            counts[old] -= 1
+            counts[new] += 1
+            for j in range(points.shape[1]):
+                sums[old, j] -= points[i, j]
+                sums[new, j] += points[i, j]
