@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import torch
 from scipy.spatial import cKDTree
 
 from spgf_torch.config import InputError, SceneConfig
@@ -93,12 +94,12 @@ def neighbourhoods(points: np.ndarray, neighbours: int, radius: float) -> tuple[
         index: (N, neighbours) int32, nearest first; the point's own in place of those too far away.
         pitch: median distance of neighbouring points, m; at most `radius`.
     """
-    tree = cKDTree(points)
+    tree, threads = cKDTree(points), torch.get_num_threads()
     index = np.empty((len(points), neighbours), np.int32)
     beside = np.empty(len(points))
     for start in range(0, len(points), _CHUNK):
         part = slice(start, start + _CHUNK)
-        distance, found = tree.query(points[part], neighbours, distance_upper_bound=radius)
+        distance, found = tree.query(points[part], neighbours, distance_upper_bound=radius, workers=threads)
         own = np.arange(start, start + len(found))[:, None]
         index[part] = np.where(np.isfinite(distance), found, own)
         beside[part] = np.minimum(distance[:, min(_PITCH_NEIGHBOUR, neighbours - 1)], radius)
