@@ -9,6 +9,7 @@ import heapq
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
 from spgf_torch.compiled import compiled
 
@@ -143,28 +144,34 @@ def split(rows: Floats, most: int, order: Ids) -> Ids:
     return bounds
 
 
+def flat(points: Tensor) -> tuple[Floats, int]:
+    """The memory of points (N, D) and the numbers from row to row: rows may lie apart, and loops stay fast."""
+    points = points if points.stride(1) == 1 else points.contiguous()
+    step = points.stride(0)
+    return points.as_strided(((len(points) - 1) * step + points.shape[1],), (1,)).numpy(), step
+
+
 @compiled
-def add_nearest(relative: Floats, points: Floats, ids: Ids, sums: Doubles, counts: Ids) -> None:
-    """ids (N,): column of the least of `relative` (N, K), the first of equals; points (N, D) are added to its sum."""
+def add_members(points: Floats, step: int, ids: Ids, sums: Doubles, counts: Ids) -> None:
+    """The points (`flat`) of the clusters ids (N,) are added to their sums (K, D), and counted."""
+    for i in range(len(ids)):
+        own, row = ids[i], points[i * step : i * step + sums.shape[1]]
+        counts[own] += 1
+        for j in range(len(row)):
+            sums[own, j] += row[j]
+
+
+@compiled
+def add_nearest(relative: Floats, points: Floats, step: int, ids: Ids, sums: Doubles, counts: Ids) -> None:
+    """ids (N,): column of the least of `relative` (N, K), the first of equals; the points are added to its sum."""
     N, K = relative.shape
     for i in range(N):
-        least, found = relative[i, 0], 0
+        least, own = relative[i, 0], 0
         for k in range(1, K):
             if relative[i, k] < least:
-                least, found = relative[i, k], k
-        ids[i] = found
-        counts[found] += 1
-        for j in range(points.shape[1]):
-            sums[found, j] += points[i, j]
-
-
-@compiled
-def add_members(points: Floats, ids: Ids, sums: Doubles, counts: Ids) -> None:
-    """points (N, D) are added to the sums (K, D) of their clusters, and counted."""
-    for i in range(len(points)):
-        counts[ids[i]] += 1
-        for j in range(points.shape[1]):
-            sums[ids[i], j] += points[i, j]
+                least, own = relative[i, k], k
+        ids[i] = own
+    add_members(points, step, ids, sums, counts)
 
 
 @compiled
@@ -192,10 +199,10 @@ def doubtful(step: Floats, moved: Floats, half: Floats, ids: Ids, upper: Floats,
         upper[i] += step[own]
         limit = upper[i]
         if limit > half[own]:
-            near = 0
+            near = np.int32(0)
             for k in range(len(step)):
-                near += lower[i, k] - moved[k] < limit
-            if near > (lower[i, own] - moved[own] < limit):  # others than the own centre
+                near += np.int32(lower[i, k] - moved[k] < limit)
+            if near > np.int32(lower[i, own] - moved[own] < limit):  # others than the own centre
                 which[count] = i
                 count += 1
     return count

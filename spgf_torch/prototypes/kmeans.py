@@ -88,7 +88,7 @@ def minibatch_step(batch: Tensor, centres: Tensor, counts: Tensor) -> tuple[Tens
     sums, members = _no_members(centres)
     for part in _chunks(batch, len(centres)):
         ids = np.empty(len(part), np.int64)
-        kernels.add_nearest(_relative_distances(part, centres).numpy(), part.numpy(), ids, sums, members)
+        kernels.add_nearest(_relative_distances(part, centres).numpy(), *kernels.flat(part), ids, sums, members)
     seen = torch.from_numpy(members)
     total = counts + seen
     step = (torch.from_numpy(sums) - seen[:, None] * centres.double()) / total.clamp(min=1)[:, None]
@@ -131,9 +131,9 @@ class _Nearest:
         """All bounds of a part of the points; its sums and counts."""
         part = slice(start, start + PART)
         points, (sums, counts) = self.points[part], _no_members(self.centres)
-        self.norms[part] = points.square().sum(1).numpy()
+        self.norms[part] = torch.linalg.vector_norm(points, dim=1).square_().numpy()
         relative = _relative_distances(points, self.centres).numpy()
-        kernels.add_nearest(relative, points.numpy(), self.ids[part], sums, counts)
+        kernels.add_nearest(relative, *kernels.flat(points), self.ids[part], sums, counts)
         kernels.bound(relative, self.norms, self.moved, self.ids, self.upper, self.lower, self.doubtful[part])
         return sums, counts
 

@@ -21,7 +21,7 @@ from spgf_torch.prototypes.kmeans import kmeans_plusplus
 from spgf_torch.threads import one_thread
 
 # Points that are enough to know the principal axes from.
-AXES_FROM = 5000
+AXES_FROM = 3000
 
 # Lloyd steps that tell a good restart from a bad one.
 RESTART_STEPS = 5
@@ -63,7 +63,7 @@ class Summary:
         self.part = np.empty(len(points), np.int64)
         self.part[order] = np.repeat(np.arange(len(sizes)), sizes)
         sums, counts = np.zeros((len(sizes), points.shape[1])), np.zeros(len(sizes), np.int64)
-        kernels.add_members(points.numpy(), self.part, sums, counts)
+        kernels.add_members(*kernels.flat(points), self.part, sums, counts)
         self.rows = (sums / counts[:, None]).astype(np.float32)
         self.columns, self.weights = np.ascontiguousarray(self.rows.T), counts.astype(np.float32)
 
@@ -93,7 +93,7 @@ def initial_centres(points: Tensor, config: PrototypeConfig, generator: torch.Ge
     finalists = [breathe(summary, start, config.breath, generator) for start in finalists]
     best = min(finalists, key=lambda start: start.inertia)
     sums, counts = np.zeros((K, points.shape[1])), np.zeros(K, np.int64)
-    kernels.add_members(members.numpy(), best.ids[summary.part], sums, counts)
+    kernels.add_members(*kernels.flat(members), best.ids[summary.part], sums, counts)
     centres = np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], members[:1].numpy())
     return torch.from_numpy(centres).to(points), torch.from_numpy(counts).to(points)
 
