@@ -34,6 +34,10 @@ class Notes:
         console.print(f"report: {line}", markup=False)
 
 
+# What pictures and tables need of a run's settings.
+_NEEDED = {"objects": str, "sensing": dict, "features": dict, "hand.openings": dict}
+
+
 @dataclass(frozen=True)
 class Run:
     """What one run left.
@@ -180,6 +184,12 @@ def _settings(path: Path) -> dict[str, Any]:
     content = yaml_values(path, "the settings of a run")
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected the settings of a run, got something else")
+    hand = content.get("hand")
+    told = {**content, "hand.openings": hand.get("openings") if isinstance(hand, dict) else None}
+    for key, kind in _NEEDED.items():
+        if not isinstance(told.get(key), kind):
+            words = "text" if kind is str else "settings"
+            raise InputError(f"{path}: {key}: expected {words}, got {str(told.get(key, 'none'))[:60]}")
     return content
 
 
