@@ -66,7 +66,8 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     if failures:
         write_bytes(folder / "failures.png", failures)
     show(executed_table(results))
-    show(f"results and settings in {folder}")
+    pictured = "failures.png shows the CG grasps that failed" if failures else "no CG grasp failed: no picture"
+    show(f"results and settings in {folder}; {pictured}")
 
 
 def models(config: EvaluateConfig) -> Callable[[GraspObject], Restored]:
