@@ -175,34 +175,46 @@ def add_nearest(relative: Floats, points: Floats, step: int, ids: Ids, sums: Dou
 
 
 @compiled
-def bound(relative: Floats, norms: Floats, moved: Floats, ids: Ids, upper: Floats, lower: Floats, which: Ids) -> None:
+def bound(
+    relative: Floats, norms: Floats, moved: Floats, ids: Ids, upper: Floats, other: Floats, lower: Floats, which: Ids
+) -> None:
     """Bounds from distances: relative (n, K) squared distances less |x|^2 of the points `which` (n,), ids of all (N,).
 
-    upper (N,): distance to the own centre; lower (N, K): to each centre, plus how far it had `moved` (K,) in all.
+    upper (N,): distance to the own centre; other (N,): to the nearest of the others; lower (N, K): to each centre, plus
+    how far it had `moved` (K,) in all.
     """
     for row in range(len(which)):
-        i = which[row]
+        i, least = which[row], np.float32(np.inf)
         for k in range(relative.shape[1]):
-            lower[i, k] = np.sqrt(max(relative[row, k] + norms[i], np.float32(0))) + moved[k]
-        upper[i] = lower[i, ids[i]] - moved[ids[i]]
+            distance = np.sqrt(max(relative[row, k] + norms[i], np.float32(0)))
+            lower[i, k] = distance + moved[k]
+            if k == ids[i]:
+                upper[i] = distance
+            else:
+                least = min(least, distance)
+        other[i] = least
 
 
 @compiled
-def doubtful(step: Floats, moved: Floats, half: Floats, ids: Ids, upper: Floats, lower: Floats, which: Ids) -> int:
+def doubtful(
+    step: Floats, moved: Floats, half: Floats, ids: Ids, upper: Floats, other: Floats, lower: Floats, which: Ids
+) -> int:
     """How many points, written to `which`, may have another nearest centre after each centre went `step` (K,).
 
     half (K,): half the distance from each centre to the next one; points within that are safe.
     """
-    count = 0
+    count, most = 0, step.max()
     for i in range(len(ids)):
         own = ids[i]
         upper[i] += step[own]
-        limit = upper[i]
-        if limit > half[own]:
-            near = np.int32(0)
+        other[i] -= most
+        if upper[i] > half[own] and upper[i] > other[i]:
+            least = np.float32(np.inf)
             for k in range(len(step)):
-                near += np.int32(lower[i, k] - moved[k] < limit)
-            if near > np.int32(lower[i, own] - moved[own] < limit):  # others than the own centre
+                if k != own:
+                    least = min(least, lower[i, k] - moved[k])
+            other[i] = least
+            if upper[i] > least:
                 which[count] = i
                 count += 1
     return count

@@ -119,7 +119,7 @@ class _Nearest:
     def __init__(self, points: Tensor, centres: Tensor) -> None:
         kind, (N, K) = points.numpy().dtype, (len(points), len(centres))
         self.points, self.centres = points, centres
-        self.norms, self.upper, self.lower = np.empty(N, kind), np.empty(N, kind), np.empty((N, K), kind)
+        self.norms, self.upper, self.other, self.lower = (np.empty(shape, kind) for shape in (N, N, N, (N, K)))
         self.ids, self.doubtful, self.moved = np.empty(N, np.int64), np.arange(N), np.zeros(K, kind)
         self.sums, self.counts = _no_members(centres)
         for sums, counts in in_parts(self._measure, range(0, N, PART)):
@@ -134,8 +134,12 @@ class _Nearest:
         self.norms[part] = torch.linalg.vector_norm(points, dim=1).square_().numpy()
         relative = _relative_distances(points, self.centres).numpy()
         kernels.add_nearest(relative, *kernels.flat(points), self.ids[part], sums, counts)
-        kernels.bound(relative, self.norms, self.moved, self.ids, self.upper, self.lower, self.doubtful[part])
+        self._bound(relative, self.doubtful[part])
         return sums, counts
+
+    def _bound(self, relative: kernels.Floats, which: kernels.Ids) -> None:
+        bounds = self.upper, self.other, self.lower
+        kernels.bound(relative, self.norms, self.moved, self.ids, *bounds, which)
 
     def means(self) -> tuple[Tensor, float]:
         """The centres' next places (K, D), and the inertia if no point changes its centre."""
@@ -152,11 +156,11 @@ class _Nearest:
         half = torch.cdist(centres, centres).fill_diagonal_(float("inf")).amin(1).div_(2).numpy()
         self.centres = centres
         self.moved += step
-        count = kernels.doubtful(step, self.moved, half, self.ids, self.upper, self.lower, self.doubtful)
-        which, points = self.doubtful[:count], self.points.numpy()
+        bounds = self.upper, self.other, self.lower
+        which = self.doubtful[: kernels.doubtful(step, self.moved, half, self.ids, *bounds, self.doubtful)]
         relative = _relative_distances(self.points[torch.from_numpy(which)], centres).numpy()
-        kernels.reassign(relative, points, which, self.ids, self.sums, self.counts)
-        kernels.bound(relative, self.norms, self.moved, self.ids, self.upper, self.lower, which)
+        kernels.reassign(relative, self.points.numpy(), which, self.ids, self.sums, self.counts)
+        self._bound(relative, which)
 
 
 def _no_members(centres: Tensor) -> tuple[kernels.Doubles, kernels.Ids]:
