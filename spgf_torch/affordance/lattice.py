@@ -54,6 +54,12 @@ class Lattice:
     def cells(self) -> int:
         return self.voxels * self.rotations
 
+    @cached_property
+    def edges(self) -> Tensor:
+        """(chart_side - 1,) f64: the ratios of components that lie between the rotation cells of a chart."""
+        n = self.chart_side
+        return torch.tan((torch.arange(1, n, dtype=torch.float64) / n - 0.5) * math.pi / 2)
+
     def voxel_index(self, position: Tensor) -> Tensor:
         """(..., 3) m, within the reach, to voxel indices (...,) int64."""
         i = (position / self.voxel + self.side / 2).floor().long().clamp_(1, self.side - 2)

@@ -95,7 +95,7 @@ def learn(
 
 def vote(index: VotingIndex, pairs: CellPairs, ids: Tensor) -> Votes:
     """Votes of an object's features, of prototypes `ids` (F,) int64, on its grasps."""
-    return cast_votes(index, points_of(pairs, ids), pairs.grasp.long())
+    return cast_votes(index, points_of(pairs, ids), pairs.grasp)
 
 
 def save_model(model: GraspModel, folder: Path) -> int:
@@ -103,7 +103,6 @@ def save_model(model: GraspModel, folder: Path) -> int:
     condensed = model.condensed
     tensors = {name: getattr(condensed, name) for name in _TENSORS[2:]}
     tensors |= {"centres": model.centres, "calibration": model.calibration.weights}
-    tensors["cell"] = condensed.cell.int()  # half the file
     save_file({name: t.contiguous().cpu() for name, t in tensors.items()}, folder / "model.safetensors")
     lattice = _lattice_section(model.lattice)
     document = {"format": FORMAT, "schema": SCHEMA, "lattice": lattice, "settings": model.settings}
@@ -135,7 +134,7 @@ def load_model(folder: Path, device: str = "cpu") -> GraspModel:
     _check_shapes(path, tensors)
     lattice = lattice_of(typed(AffordanceConfig, document["settings"]["affordance"]))
     _check_values(path, tensors, lattice)
-    tensors["cell"] = tensors["cell"].long()
+    tensors["cell"] = tensors["cell"].int()
     condensed = Condensed(*(tensors[name] for name in _TENSORS[2:]))
     calibration = Calibration(tensors["calibration"])
     return GraspModel(tensors["centres"], condensed, lattice, calibration, document["settings"])

@@ -17,13 +17,15 @@ and the mean towards no evidence by `vote_shrinkage` votes.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import torch
 from torch import Tensor
 
 from spgf_torch.affordance.calibration import Calibration
+from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.affordance.voting import Votes
-from spgf_torch.config import AffordanceConfig
+from spgf_torch.config import GRASP_TYPES, AffordanceConfig
 
 # Far below any score, yet above no support at all: sensed collisions keep their order among themselves.
 COLLIDING = -1e3
@@ -56,22 +58,39 @@ def judge(votes: Votes, base_rate: Tensor, grasp_type: Tensor, collides: Tensor,
     count = torch.bincount(votes.grasp, minlength=len(grasp_type))
     total = _sum_per_grasp(votes.probability, votes, len(grasp_type))
     gain = _sum_per_grasp(log_odds_gain(votes, base_rate, grasp_type, config), votes, len(grasp_type))
-    drawn = (count + config.vote_shrinkage).clamp(min=1)
     unsupported = count == 0
     return Judged(
         count,
         torch.where(unsupported, base_rate[grasp_type], total / count.clamp(min=1)),
-        (total / drawn).masked_fill(unsupported, UNSUPPORTED),
-        (gain / drawn).masked_fill(unsupported, UNSUPPORTED),
+        shrunk_mean(total, count, config),
+        shrunk_mean(gain, count, config),
         grasp_type,
         collides,
     )
 
 
+def shrunk_mean(total: Tensor, votes: Tensor, config: AffordanceConfig) -> Tensor:
+    """(G,) f32 mean of votes that add up to `total` (G,), drawn towards 0 by `vote_shrinkage` of them."""
+    return (total / (votes + config.vote_shrinkage).clamp(min=1)).masked_fill(votes == 0, UNSUPPORTED)
+
+
 def log_odds_gain(votes: Votes, base_rate: Tensor, grasp_type: Tensor, config: AffordanceConfig) -> Tensor:
     """(V,) f32: how much better than the base rate of its grasp's type each vote is, in log-odds."""
-    base = base_rate.clamp(1e-4, 1 - 1e-4)[grasp_type[votes.grasp]]
-    shrunk = (votes.probability * votes.support + base * config.shrinkage) / (votes.support + config.shrinkage)
+    return _gain(votes.probability, votes.support, base_rate[grasp_type[votes.grasp]], config)
+
+
+def point_gains(condensed: Condensed, config: AffordanceConfig) -> Tensor:
+    """(P,) f32: the same of every point, as a vote that finds it."""
+    gains = torch.empty_like(condensed.probability)
+    for s, (first, end) in enumerate(pairwise(condensed.slice_start.tolist())):
+        base = condensed.base_rate[s % len(GRASP_TYPES)]
+        gains[first:end] = _gain(condensed.probability[first:end], condensed.support[first:end], base, config)
+    return gains
+
+
+def _gain(probability: Tensor, support: Tensor, base_rate: Tensor, config: AffordanceConfig) -> Tensor:
+    base = base_rate.clamp(1e-4, 1 - 1e-4)
+    shrunk = (probability * support + base * config.shrinkage) / (support + config.shrinkage)
     return torch.logit(shrunk, eps=1e-4) - torch.logit(base)
 
 

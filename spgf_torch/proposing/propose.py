@@ -24,9 +24,9 @@ from torch import Tensor
 
 from spgf_torch.affordance.model import GraspModel, vote
 from spgf_torch.affordance.pairs import cell_pairs
-from spgf_torch.affordance.ranking import Judged, judge
+from spgf_torch.affordance.ranking import Judged, judge, point_gains, shrunk_mean
 from spgf_torch.affordance.sensed_collision import HandVolume
-from spgf_torch.affordance.voting import Votes, VotingIndex
+from spgf_torch.affordance.voting import Votes, VotingIndex, polled
 from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, ProposingConfig, typed
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.features.interface import LocalFeatures
@@ -124,7 +124,12 @@ class Proposer:
 
     @cached_property
     def shortlist(self) -> Shortlist:
-        return shortlist(self.model, self.affordance, self.config)
+        return shortlist(self.model, self.gains, self.config)
+
+    @cached_property
+    def gains(self) -> Tensor:
+        """(P,) f32: what a vote is worth that finds a point of the model."""
+        return point_gains(self.model.condensed, self.affordance)
 
     @cached_property
     def moves(self) -> Tensor:
@@ -222,15 +227,16 @@ class Proposer:
         """(G,) f32 score of poses (G, 4, 4) by the first n voters; with few, fewer votes draw it towards 0."""
         first = voters.first(n)
         shrinkage = self.config.vote_shrinkage * len(first) / max(1, len(voters))
-        votes = self.votes(T, grasp_type, first)
-        return self.judged(votes, grasp_type, replace(self.affordance, vote_shrinkage=shrinkage)).log_odds
+        affordance = replace(self.affordance, vote_shrinkage=shrinkage)
+        if T.device.type != "cpu":
+            return self.judged(self.votes(T, grasp_type, first), grasp_type, affordance).log_odds
+        found = polled(self.index, self.gains, first.T_object_feature, first.prototype, T, grasp_type)
+        return shrunk_mean(found.worth, found.votes, affordance)
 
     def votes(self, T: Tensor, grasp_type: Tensor, voters: Voters) -> Votes:
         """What the voters say of poses (G, 4, 4)."""
-        # One prototype after the other: the search in the index stays in the cache and takes a third less time.
-        order = torch.argsort(voters.prototype, stable=True)
-        pairs = cell_pairs(voters.T_object_feature[order], T, grasp_type, self.affordance)
-        return vote(self.index, pairs, voters.prototype[order])
+        pairs = cell_pairs(voters.T_object_feature, T, grasp_type, self.affordance)
+        return vote(self.index, pairs, voters.prototype)
 
     def judged(self, votes: Votes, grasp_type: Tensor, affordance: AffordanceConfig) -> Judged:
         """The votes on free grasps of types (G,), combined."""

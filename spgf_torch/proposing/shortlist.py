@@ -11,9 +11,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.model import GraspModel
-from spgf_torch.affordance.ranking import log_odds_gain
-from spgf_torch.affordance.voting import Votes
-from spgf_torch.config import GRASP_TYPES, AffordanceConfig, ProposingConfig
+from spgf_torch.config import GRASP_TYPES, ProposingConfig
 from spgf_torch.geometry import se3
 from spgf_torch.proposing.spreading import suppress
 
@@ -45,17 +43,13 @@ class Shortlist:
         return T_object_feature[which // len(GRASP_TYPES)] @ T_feature_grasp, which % len(GRASP_TYPES)
 
 
-def shortlist(model: GraspModel, affordance: AffordanceConfig, config: ProposingConfig) -> Shortlist:
+def shortlist(model: GraspModel, gain: Tensor, config: ProposingConfig) -> Shortlist:
     """The points that promise most: better than their type's base rate, and well supported.
 
-    Of each slice the `pool` points of the highest log-odds gain (`ranking.log_odds_gain`: shrunk by the support) and
+    Of each slice the `pool` points of the highest gain (P,) f32 (`ranking.point_gains`: shrunk by the support) and
     at least `point_support` particles are merged by non-maximum suppression, and the first `points` stay.
     """
     condensed = model.condensed
-    types = torch.arange(len(GRASP_TYPES), device=condensed.cell.device)
-    slice_of_point = condensed.slice_of_point()
-    votes = Votes(slice_of_point % len(types), slice_of_point // len(types), condensed.probability, condensed.support)
-    gain = log_odds_gain(votes, condensed.base_rate, types, affordance)
     promising = (gain > 0) & (condensed.support >= config.point_support)
     chosen, counts = [], [0]
     for s in range(len(condensed.slice_start) - 1):
@@ -66,4 +60,4 @@ def shortlist(model: GraspModel, affordance: AffordanceConfig, config: Proposing
         kept = suppress(T, torch.zeros_like(point), gain[point], config.point_distance, config.point_deg)
         chosen.append(T[kept[: config.points]])
         counts.append(len(chosen[-1]))
-    return Shortlist(torch.tensor(counts, device=types.device).cumsum(0), torch.cat(chosen))
+    return Shortlist(torch.tensor(counts, device=gain.device).cumsum(0), torch.cat(chosen))

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from spgf_torch.compiled import compiled
 from spgf_torch.geometry import se3
 from spgf_torch.sensing.texlets import independent_set
 
@@ -22,13 +24,22 @@ def spread_order(T_object_feature: Tensor, count: int, normal_weight: float) -> 
     `normal_weight * |d|` metres apart, so that both sides of a thin wall take part.
     """
     point = torch.cat([se3.position_of(T_object_feature), normal_weight * T_object_feature[:, :3, 2]], dim=1)
-    order = torch.zeros(min(count, len(point)), dtype=torch.int64, device=point.device)
+    order = np.empty(min(count, len(point)), np.int64)
     distance = (point - point.mean(0)).square().sum(1)
-    for i in range(len(order)):
-        order[i] = distance.argmax()
-        apart = (point - point[order[i]]).square().sum(1)
-        distance = apart if i == 0 else torch.minimum(distance, apart)
-    return order
+    farthest_first(point.double().cpu().contiguous().numpy(), distance.double().cpu().numpy(), order)
+    return torch.from_numpy(order).to(T_object_feature.device)
+
+
+@compiled
+def farthest_first(point: np.ndarray, distance: np.ndarray, order: np.ndarray) -> None:
+    """Into `order`: the point (N, D) of the greatest distance (N,), then always the one farthest from all before."""
+    for k in range(len(order)):
+        order[k] = np.argmax(distance)
+        for i in range(len(point)):
+            apart = 0.0
+            for d in range(point.shape[1]):
+                apart += (point[i, d] - point[order[k], d]) ** 2
+            distance[i] = apart if k == 0 else min(distance[i], apart)
 
 
 def suppress(T: Tensor, group: Tensor, score: Tensor, distance: float, angle_deg: float) -> Tensor:

@@ -6,6 +6,7 @@ import pytest
 import torch
 from proposing_models import AFFORDANCE, CONFIG, learned
 
+from spgf_torch.affordance.ranking import point_gains
 from spgf_torch.config import settings
 from spgf_torch.geometry import se3
 from spgf_torch.proposing.shortlist import Shortlist, shortlist
@@ -58,7 +59,7 @@ def test_shortlist_equals_the_loop(generator: torch.Generator) -> None:
     """Of each slice: points better than the base rate, by gain; each stays unless a better one that stays is near."""
     model = learned(generator)
     config = settings(type(CONFIG), point_support=2, points=4, pool=50)
-    condensed, found = model.condensed, shortlist(model, AFFORDANCE, config)
+    condensed, found = model.condensed, shortlist(model, point_gains(model.condensed, AFFORDANCE), config)
     position, quaternion = model.lattice.centres(condensed.cell)
     T = se3.pose(position, quaternion)
     some = 0
