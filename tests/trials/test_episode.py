@@ -1,17 +1,22 @@
 """One trial in SAPIEN: the sanity set that any change must keep (design/SIMULATION.md), and exact repetition."""
 
 import pickle
+import shutil
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 from trial_objects import ball, bin_, box, can, cup, from_above, from_side, jaw_settings, parallel_jaw
 
-from spgf_torch.config import EpisodeConfig, HandConfig, settings, typed
+from spgf_torch.config import GRASP_TYPES, EpisodeConfig, HandConfig, root, settings, typed
+from spgf_torch.objects.library import load_objects
 from spgf_torch.trials.episode import Simulator, Trial
 from spgf_torch.trials.hand import load_hand
 from spgf_torch.trials.precheck import PreCheck
+from spgf_torch.trials.table import OUTCOMES, read_table
 
 
 def outcome(hand, obj, T, kind, **changes):
@@ -35,23 +40,53 @@ HELD = {
 }
 
 
+# object of data/trials -> rows of it
+SHIPPED = {"carton_rice": (1008, 1026, 1030), "flashlight": (4, 7), "saucepan": (5, 29)}
+
+EPISODES = {"pinch": {}, "fast": {"dt": 0.005, "position_iterations": 56}}
+
+
+@pytest.mark.parametrize("episode", EPISODES)
 @pytest.mark.parametrize("case", HELD)
-def test_held(hand, case):
+def test_held(hand, case, episode):
     obj, T, kind, friction = HELD[case]
-    assert outcome(hand, obj, T, kind, friction=friction) == "success"
+    assert outcome(hand, obj, T, kind, friction=friction, **EPISODES[episode]) == "success"
 
 
+@pytest.mark.parametrize("episode", EPISODES)
 @pytest.mark.parametrize(
     ("obj", "T", "friction"),
     [(can(), from_side(0.06), 0.05), (ball(), from_above(0.035), 0.05), (can(mass=2.0), from_side(0.06), 0.6)],
     ids=["slippery can", "slippery ball", "2 kg"],
 )
-def test_not_held(hand, obj, T, friction):
-    assert outcome(hand, obj, T, "WPG", friction=friction) in ("dropped", "slipped")
+def test_not_held(hand, obj, T, friction, episode):
+    assert outcome(hand, obj, T, "WPG", friction=friction, **EPISODES[episode]) in ("dropped", "slipped")
 
 
-def test_empty_space_is_missed(hand):
-    assert outcome(hand, can(), from_above(0.3), "WPG") == "missed"
+@pytest.mark.parametrize("episode", EPISODES)
+def test_empty_space_is_missed(hand, episode):
+    assert outcome(hand, can(), from_above(0.3), "WPG", **EPISODES[episode]) == "missed"
+
+
+def test_fast_is_the_same_episode_in_other_steps():
+    """What EPISODES says of it here, and nothing else."""
+    with initialize_config_dir(str(root() / "conf"), version_base="1.3"):
+        composed = compose("simulate", ["episode=fast"])
+    fast = typed(EpisodeConfig, OmegaConf.to_container(composed.episode))
+    assert fast == settings(EpisodeConfig, **EPISODES["fast"])
+
+
+def test_the_shipped_table_comes_out_again(hand, tmp_path):
+    """Trials of data/trials of various outcomes that end alike at dt 1/2000; so they do in the fast episode."""
+    for name in SHIPPED:
+        shutil.copy(root() / f"data/objects/{name}.yaml", tmp_path)
+    for obj in load_objects(tmp_path):
+        table = read_table(root() / f"data/trials/{obj.name}.parquet")
+        for changes in EPISODES.values():
+            simulator = Simulator(obj, hand, settings(EpisodeConfig, **changes))
+            for row in SHIPPED[obj.name]:
+                kind = GRASP_TYPES[table.grasp_type[row]]
+                assert simulator.run(table.T_object_tcp[row].numpy(), kind) == OUTCOMES[table.outcome[row]]
 
 
 def test_ball_wider_than_the_opening_collides(hand):

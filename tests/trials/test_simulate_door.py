@@ -14,10 +14,11 @@ from omegaconf import OmegaConf
 
 from spgf_torch import simulate
 from spgf_torch.cli import door, slug
-from spgf_torch.config import IncompleteError, InputError, ReportConfig, SimulateConfig, typed
+from spgf_torch.config import IncompleteError, InputError, ReportConfig, SimulateConfig, plain, typed
 from spgf_torch.multirun import lines
 from spgf_torch.trials.campaign import Campaign
 from spgf_torch.trials.runners import Here
+from spgf_torch.trials.table import read_table
 
 ROOT = Path(__file__).parents[2]
 
@@ -72,6 +73,18 @@ def test_shares_of_the_objects(place: Path, capsys: pytest.CaptureFixture) -> No
     assert "candidates/s" not in capsys.readouterr().out
     left = {path.name for path in (place / "table").iterdir()}
     assert left == {"egg.parquet", "soap_bar.parquet", "manifest.json", "config.yaml"}
+
+
+def test_the_fast_episode(place: Path) -> None:
+    """Its tables say so, and a call with the default one neither adds to them nor reads them."""
+    whole = ["objects=objects", "candidates=2", "out=table"]
+    simulate.run(config(*whole, "episode=fast", "shard=1/2"), Path("run"))
+    made = json.loads((place / "table/manifest.1-of-2.json").read_text())["made_with"]["episode"]
+    assert made == read_table(place / "table/egg.parquet").origin.episode == plain(config("episode=fast").episode)
+    before = {path: path.read_bytes() for path in place.rglob("*") if path.is_file()}
+    with pytest.raises(InputError, match=r"egg.parquet: expected trials made with episode.dt 0.002, got 0.005"):
+        simulate.run(config(*whole), Path("run"))
+    assert {path: path.read_bytes() for path in place.rglob("*") if path.is_file()} == before
 
 
 def test_an_object_without_candidates(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
