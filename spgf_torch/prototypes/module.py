@@ -27,6 +27,7 @@ from torch import Tensor
 from spgf_torch.config import InputError, PrototypeConfig, plain
 from spgf_torch.prototypes.kmeans import canonical_order, lloyd, minibatch_step
 from spgf_torch.prototypes.search import initial_centres
+from spgf_torch.threads import one_thread
 
 CHECKPOINT = "prototypes.ckpt"
 
@@ -118,7 +119,7 @@ def fit_prototypes(
     checkpoint = None if folder is None else folder / CHECKPOINT
     origin = "" if folder is None else _origin(relations, config, seed)
     module = MiniBatchKMeans(relations, config, seed, checkpoint, origin)
-    with _quiet:
+    with _quiet, one_thread():
         trainer = _trainer(config.epochs, progress and sys.stdout.isatty())
         trainer.fit(module, ckpt_path=_resumable(checkpoint, origin), weights_only=True)
     centres, counts = lloyd(relations, module.centres, config.refine_steps, config.tolerance)

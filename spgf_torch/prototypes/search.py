@@ -1,8 +1,8 @@
 """A start for k-means close to the global optimum: restarts on a summary of the points, the best improved by breathing.
 
 Restarts alone leave 1 % of inertia between seeds and other prototypes with it. The summary is the means of small parts
-of the points in their first principal components: a thousandth of the arithmetic, and unlike a sample as small it
-loses next to nothing of where the optimum lies.
+of the points in their first principal components: less than a hundredth of the arithmetic, and unlike a sample as
+small it loses next to nothing of where the optimum lies.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from spgf_torch.config import PrototypeConfig
 from spgf_torch.prototypes import kernels
 from spgf_torch.prototypes.kernels import Doubles, Floats, Ids
 from spgf_torch.prototypes.kmeans import kmeans_plusplus
-from spgf_torch.threads import one_thread
 
 # Points that are enough to know the principal axes from.
 AXES_FROM = 3000
@@ -84,10 +83,9 @@ def initial_centres(points: Tensor, config: PrototypeConfig, generator: torch.Ge
     The sample is every n-th point: where neighbours in the order are alike, it is better than a drawn one.
     """
     K, members = config.num_clusters, points[:: -(-len(points) // config.subsample)]
-    with one_thread():
-        summary = Summary(principal_components(members, config.components), config.parts)
-        rows, weights = torch.from_numpy(summary.rows), torch.from_numpy(summary.weights)
-        drawn = kmeans_plusplus(rows, K, config.restarts, generator, weights=weights)
+    summary = Summary(principal_components(members, config.components), config.parts)
+    rows, weights = torch.from_numpy(summary.rows), torch.from_numpy(summary.weights)
+    drawn = kmeans_plusplus(rows, K, config.restarts, generator, weights=weights)
     starts = [summary.settle(start.numpy(), RESTART_STEPS, 0.0) for start in drawn]
     finalists = sorted(starts, key=lambda start: start.inertia)[: config.finalists]
     finalists = [breathe(summary, start, config.breath, generator) for start in finalists]
