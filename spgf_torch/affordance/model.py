@@ -164,6 +164,9 @@ def _check_values(path: Path, tensors: dict[str, Tensor], lattice: Lattice) -> N
         raise InputError(f"{path}: expected slice_start to rise from 0, got other numbers")
     if len(cell) and int(cell.max()) >= lattice.cells:
         raise InputError(f"{path}: expected cells below {lattice.cells}, got {int(cell.max())}")
+    falls = (cell.diff() <= 0).nonzero()[:, 0] + 1
+    if not bool(torch.isin(falls, start).all()):  # they are searched
+        raise InputError(f"{path}: expected cells to rise within a slice, got other numbers")
     for name in _TENSORS:
         values = tensors[name]
         low, high = _LOWEST.get(name, -math.inf), _HIGHEST.get(name, math.inf)

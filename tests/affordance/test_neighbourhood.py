@@ -322,6 +322,13 @@ def test_tensors_that_do_not_belong_together_are_refused(model, tmp_path) -> Non
         affordance.load_model(tmp_path)
 
 
+def test_cells_out_of_order_are_refused(model, tmp_path) -> None:
+    shuffled = replace(model, condensed=replace(model.condensed, cell=model.condensed.cell.flip(0)))
+    affordance.save_model(shuffled, tmp_path)
+    with pytest.raises(InputError, match="expected cells to rise within a slice"):
+        affordance.load_model(tmp_path)
+
+
 def test_a_model_cut_in_half_is_refused(model, tmp_path) -> None:
     affordance.save_model(model, tmp_path)
     path = tmp_path / "model.safetensors"
