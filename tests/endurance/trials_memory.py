@@ -1,9 +1,9 @@
-"""python tests/endurance/trials_memory.py [TRIALS [WORKERS]]: memory, time and bytes of many trials, with physics.
+"""python tests/endurance/trials_memory.py [TRIALS [WORKERS [EPISODE]]]: memory, time and bytes of many trials.
 
-10,000 candidates on ten of the objects, by two processes, into a temporary folder as `simulate` does it. Prints, after
-every tenth, the resident memory of the caller and of the largest worker; then what plans of more are made from
-(docs/CLUSTERS.md): candidates a second, and a second of processor time of workers, which other work on the machine
-disturbs less; bytes of tables and of shards; time to write a shard.
+10,000 candidates on ten of the objects, by two processes, with episode=pinch, into a temporary folder as `simulate`
+does it. Prints, after every tenth, the resident memory of the caller and of the largest worker; then what plans of more
+are made from (docs/CLUSTERS.md): candidates a second, and a second of processor time of workers, which other work on
+the machine disturbs less; bytes of tables and of shards; time to write a shard.
 """
 
 from __future__ import annotations
@@ -15,7 +15,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from spgf_torch.config import EpisodeConfig, HandConfig, SamplerConfig, root, settings
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from spgf_torch.config import EpisodeConfig, HandConfig, SamplerConfig, root, settings, typed
 from spgf_torch.objects.library import load_objects
 from spgf_torch.trials.attempts import Trials
 from spgf_torch.trials.campaign import Campaign, Plan
@@ -63,12 +66,16 @@ def children() -> list[int]:
 def main() -> None:
     total = int(sys.argv[1]) if len(sys.argv) > 1 else 10_000
     workers = int(sys.argv[2]) if len(sys.argv) > 2 else 2
+    name = sys.argv[3] if len(sys.argv) > 3 else "pinch"
+    with initialize_config_dir(str(root() / "conf"), version_base="1.3"):
+        composed = compose("simulate", [f"episode={name}"])
+    episode = typed(EpisodeConfig, OmegaConf.to_container(composed.episode))
     begun = time.process_time()
     objects = load_objects(root() / "data/objects")
     reading = 1e3 * (time.process_time() - begun) / len(objects)
     objects = objects[::5]
     candidates = total // (2 * len(objects))
-    trials, sampler = Trials(load_hand(settings(HandConfig)), settings(EpisodeConfig)), settings(SamplerConfig)
+    trials, sampler = Trials(load_hand(settings(HandConfig)), episode), settings(SamplerConfig)
     pairs = [(obj, origin(obj, trials, sampler, candidates, 0)) for obj in objects]
     done, told, spent, begun = 0, 0, 0.0, time.perf_counter()
     lines: list[dict[str, float]] = []
