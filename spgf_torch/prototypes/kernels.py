@@ -99,6 +99,34 @@ def lloyd(
 
 
 @compiled
+def plusplus(columns: Floats, points: Floats, weights: Floats, draws: Doubles, starts: Floats) -> None:
+    """Greedy k-means++: starts (R, K, D) from points (N, D), also as columns, by draws (R, K, tries) in [0, 1)."""
+    tried, best, share = np.empty_like(weights), np.empty_like(weights), np.empty_like(weights)
+    for r in range(len(draws)):
+        share[:] = weights
+        for k in range(draws.shape[1]):
+            total, least = 0.0, np.inf
+            for i in range(len(share)):
+                total += share[i]
+            for t in range(draws.shape[2] if k > 0 else 1):
+                chosen, height, error = -1, draws[r, k, t] * total, 0.0
+                while height >= 0 and chosen < len(share) - 1:
+                    chosen += 1
+                    height -= share[chosen]
+                tried[:] = 0
+                for j in range(len(columns)):
+                    place = points[chosen, j]
+                    for i in range(len(tried)):
+                        tried[i] += (columns[j, i] - place) ** 2
+                for i in range(len(tried)):
+                    tried[i] = min(tried[i] * weights[i], share[i]) if k > 0 else tried[i] * weights[i]
+                    error += tried[i]
+                if t == 0 or error < least:
+                    least, starts[r, k], best[:] = error, points[chosen], tried
+            share[:] = best
+
+
+@compiled
 def spread(rows: Floats, order: Ids, first: int, end: int) -> tuple[float, int, float]:
     """Squared error of the rows order[first:end] about their mean, the axis of most of it, and the mean there."""
     D = rows.shape[1]

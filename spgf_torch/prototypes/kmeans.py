@@ -50,17 +50,12 @@ def kmeans_plusplus(
     A point is drawn in proportion to its squared distance to the centres so far, so a copy of a centre is never
     drawn while points away from the centres are left. `weights` (N,): how many points each stands for.
     """
-    rows = torch.arange(restarts, device=points.device)
     weights = points.new_ones(len(points)) if weights is None else weights
-    centres = [points[_draw(weights.expand(restarts, -1), 1, generator)[:, 0]]]
-    distance = _exact_distances(points, centres[0]) * weights
-    for _ in range(1, num_clusters):
-        drawn = _draw(distance, tries, generator)
-        reached = _exact_distances(points, points[drawn]).mul_(weights).minimum(distance[:, None])
-        best = reached.sum(2).argmin(1)
-        centres.append(points[drawn[rows, best]])
-        distance = reached[rows, best]
-    return torch.stack(centres, dim=1)
+    draws = torch.rand(restarts, num_clusters, tries, generator=generator, dtype=torch.float64)
+    starts = points.new_empty(restarts, num_clusters, points.shape[1])
+    columns = points.T.contiguous()
+    kernels.plusplus(columns.numpy(), points.numpy(), weights.numpy(), draws.numpy(), starts.numpy())
+    return starts
 
 
 def lloyd(points: Tensor, centres: Tensor, steps: int, tolerance: float) -> tuple[Tensor, Tensor]:
@@ -171,20 +166,6 @@ def _no_members(centres: Tensor) -> tuple[kernels.Doubles, kernels.Ids]:
 def _relative_distances(points: Tensor, centres: Tensor) -> Tensor:
     """(N, K) squared distances less |x|^2, which does not change which centre is nearest."""
     return torch.addmm(centres.square().sum(1), points, centres.T, alpha=-2)
-
-
-def _exact_distances(points: Tensor, origins: Tensor) -> Tensor:
-    """(..., N) squared distances of points (N, D) to origins (..., D), 0 for a point itself: no |x|^2 that cancels."""
-    flat = origins.reshape(-1, origins.shape[-1])
-    distances = torch.cdist(flat, points, compute_mode="donot_use_mm_for_euclid_dist").square_()
-    return distances.view(*origins.shape[:-1], len(points))
-
-
-def _draw(weight: Tensor, count: int, generator: torch.Generator) -> Tensor:
-    """(R, count) int64 columns of `weight` (R, N), drawn with replacement in proportion to it."""
-    ladder = weight.double().cumsum(1)
-    height = torch.rand(len(weight), count, generator=generator, dtype=torch.float64).to(weight.device)
-    return torch.searchsorted(ladder, height * ladder[:, -1:], right=True).clamp(max=weight.shape[1] - 1)
 
 
 def _chunks(rows: Tensor, num_clusters: int) -> tuple[Tensor, ...]:
