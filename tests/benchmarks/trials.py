@@ -2,14 +2,14 @@
 
     python tests/benchmarks/trials.py [candidates an object and type]
 
-Candidates of some shipped objects, from data/trials' sampler. Ours: pre-check, then the episode, the default one and
+Candidates of all shipped objects, from data/trials' sampler. Ours: pre-check, then the episode, the default one and
 episode=fast. Reference: the default one at dt 1/2000. Naive: what one writes first: a scene, the URDF and the object's
 parts anew for each candidate, no pre-check. MuJoCo: hand, object, drives, closing, loads and tests of the outcome are
 the same, behind our pre-check, and the model of an object is compiled once; what differs is MuJoCo's own: soft
 contacts, elliptic friction cones, the Newton solver, implicitfast integration, PD drives as actuators, at our dt. All
 take turns, an object a round, in one process, and seconds are the processor's; agreement is about success or not, over
 candidates that the pre-check lets through, unless it says all, with its 95 % interval (Wilson). episode=fast was chosen
-on candidates of other objects.
+on other candidates.
 """
 
 import spgf_torch  # noqa: F401  before torch: it sets how torch's threads wait
@@ -42,8 +42,8 @@ from spgf_torch.trials.runner import execute
 
 Requests = list[tuple[GraspObject, str, Tensor]]
 
-OBJECTS, CANDIDATES = 20, 30
-NAIVE = 3  # candidates of each object and type for the naive loop
+CANDIDATES = 12
+NAIVE = 1  # candidate of each object and type for the naive loop
 
 
 def episode(name: str) -> EpisodeConfig:
@@ -278,7 +278,7 @@ def main(count: int) -> None:
     report.skip("trials with device=cuda: PhysX on the CPU is what repeats bit for bit")
     mujoco, hand, tally = report.peer("mujoco"), load_hand(settings(HandConfig)), Tally()
     requests: Requests = []
-    for number, obj in enumerate(objects()[:OBJECTS]):
+    for number, obj in enumerate(objects()):
         for kind in GRASP_TYPES:
             T = sample_candidates(obj, count, settings(SamplerConfig), np.random.default_rng(number))
             requests.append((obj, kind, T))
