@@ -3,5 +3,6 @@
 `pairs` and `particles` tie features to grasps; `lattice` divides SE(3) into cells; `neighbourhood` gives
 populated cells their probability and support and condenses them; `voting` lets a novel object's features vote
 on its candidate grasps; `ranking` orders the candidates, `calibration` gives them probabilities; `model` is
-what `train` saves and `evaluate` loads.
+what `train` saves and `evaluate` loads. `smoothing` and `casting` are the compiled loops of `neighbourhood` and of
+`pairs` and `voting`.
 """
