@@ -38,19 +38,27 @@ def start_at(rings: Tensor, start: Tensor, rows: Tensor, aligned: Tensor) -> Non
     _start_at(rings.numpy(), start.numpy(), rows.numpy(), aligned.numpy())
 
 
+def aligned_poses(frames: Tensor, start: Tensor, cells: int, positions: Tensor) -> Tensor:
+    """T_object_feature (N, 4, 4): frames (N, 3, 3) turned about their z to the cell start (N,), at positions (N, 3)."""
+    angle = torch.arange(cells, dtype=torch.float64) * (2 * math.pi / cells)
+    T = frames.new_zeros((len(frames), 4, 4))
+    _aligned_poses(*(tensor.numpy() for tensor in (frames, start, angle.cos(), angle.sin(), positions, T)))
+    return T
+
+
 @compiled
 def _highest_curvature(rings: np.ndarray, nearer: np.ndarray, start: np.ndarray) -> None:
     tied, length = np.empty(len(nearer), np.bool_), np.empty(len(nearer), np.int64)
     for row in range(len(rings)):
         curvature = rings[row, 0, :, 1]  # alpha2 of the top layer
-        highest = curvature.argmax()
-        count = 0
+        highest, count = curvature[0], 0
+        for cell in range(1, len(tied)):
+            highest = max(highest, curvature[cell])
         for cell in range(len(tied)):
-            tied[cell] = curvature[cell] >= curvature[highest] - TIE
+            tied[cell] = curvature[cell] >= highest - TIE
             count += tied[cell]
-        if count == 1:
-            start[row] = highest
-        else:
+            start[row] = cell if tied[cell] else start[row]
+        if count > 1:
             _run_lengths(tied, length)
             start[row] = _widest_run(length, rings[row], nearer)
 
@@ -107,3 +115,16 @@ def _start_at(rings: np.ndarray, start: np.ndarray, rows: np.ndarray, aligned: n
             for k in range(cells):
                 target[k, 0], target[k, 1] = source[cell, 0], source[cell, 1]
                 cell = cell + 1 if cell + 1 < cells else 0
+
+
+@compiled
+def _aligned_poses(
+    frames: np.ndarray, start: np.ndarray, cos: np.ndarray, sin: np.ndarray, positions: np.ndarray, T: np.ndarray
+) -> None:
+    for i in range(len(T)):
+        c, s = cos[start[i]], sin[start[i]]
+        for axis in range(3):
+            x, y, z = frames[i, axis]
+            T[i, axis, 0], T[i, axis, 1], T[i, axis, 2] = c * x + s * y, c * y - s * x, z
+            T[i, axis, 3] = positions[i, axis]
+        T[i, 3, 3] = 1

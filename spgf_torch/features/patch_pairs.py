@@ -18,7 +18,7 @@ from torch import Generator, Tensor
 
 from spgf_torch.config import FeatureConfig, InputError
 from spgf_torch.features.interface import VectorFeatures
-from spgf_torch.features.relations import Pairs, reference_frames, relations
+from spgf_torch.features.relations import pairs_of, reference_frames, relations
 from spgf_torch.geometry.neighbours import radius_pairs
 from spgf_torch.geometry.se3 import from_rotation
 
@@ -48,11 +48,11 @@ def patch_pairs(
     second, paired = drawn_neighbours(positions, config.radius, generator)
     X, n, there = positions.detach().cpu().contiguous(), normals.detach().cpu().contiguous(), second.cpu()
     one_each, own = torch.arange(len(X) + 1), torch.arange(len(X), dtype=torch.int32)
-    frames = reference_frames(n, X[there] - X)
-    elevation, angle, direction = relations(Pairs(one_each, there.int()), X, frames, X, n)
-    back = relations(Pairs(one_each, own), X[there], frames[there], X, n)[0]
+    forth, back = pairs_of(one_each, there.int(), X, X, n), pairs_of(one_each, own, X[there], X, n)
+    frames = reference_frames(n, forth.towards)
+    elevation, angle, direction = relations(forth, frames)
     distance = torch.linalg.vector_norm(X[there] - X, dim=1) * (RADIUS_ANGLE / config.radius)
-    vectors = torch.stack([elevation, back, angle, distance], dim=1).float()
+    vectors = torch.stack([elevation, relations(back, frames[there])[0], angle, distance], dim=1).float()
     T, directed = from_rotation(frames, X), ~direction.isnan()
     device = positions.device
     return VectorFeatures(T.to(device), vectors.to(device), paired & directed.to(device))

@@ -4,8 +4,6 @@ The paper writes the angles with d = X1 - X2, from the neighbour to the centre, 
 angles of l = X2 - X1, the neighbour as seen in the centre's frame (R_x, R_y, n1), in metres, and written with atan2,
 which keeps its accuracy where acos does not: near a right angle for alpha1, and near 0 and pi for alpha2, where acos
 of a float32 is off by up to 5e-4 rad.
-
-Centres may be a part of a cloud; their neighbours are points of the whole cloud.
 """
 
 from __future__ import annotations
@@ -29,24 +27,26 @@ SINGULAR = 1e-3
 
 @dataclass(frozen=True)
 class Pairs:
-    """P pairs of N centres, each with its neighbours, on the CPU.
+    """N centres with what surrounds them: P pairs of a centre and a neighbour, on the CPU, of one float type.
 
-    start: (N + 1,) int64, the pairs of centre k are those from start[k] to start[k + 1]; neighbour: (P,) int32, the
-    places in the cloud.
+    start: (N + 1,) int64, the pairs of centre k are those from start[k] to start[k + 1]; step: (3, P) m, from the
+    centre to the neighbour; normal: (3, P), the neighbour's; towards: (N, 3) m, the mean step, 0 without a neighbour.
     """
 
     start: Tensor
-    neighbour: Tensor
+    step: Tensor
+    normal: Tensor
+    towards: Tensor
 
 
-def to_neighbours(pairs: Pairs, centres: Tensor, cloud: Tensor) -> Tensor:
-    """(N, 3) from each of the centres (N, 3) to the mean of its neighbours in the cloud, m; 0 where it has none.
+def pairs_of(start: Tensor, neighbour: Tensor, centres: Tensor, cloud: Tensor, normals: Tensor) -> Pairs:
+    """The pairs of centres (N, 3), whose neighbours (P,) int32 are points of a cloud (M, 3) with normals (M, 3).
 
-    The reference axis R_x points there: the paper lets it be arbitrary, and so it turns with the object.
+    `start` as in `Pairs`. Steps, and not positions, are averaged: those would cancel far from the origin.
     """
-    towards = torch.zeros_like(centres)
-    _mean_step(pairs.start.numpy(), pairs.neighbour.numpy(), centres.numpy(), cloud.numpy(), towards.numpy())
-    return towards
+    step, normal, towards = (centres.new_empty(shape) for shape in ((3, len(neighbour)),) * 2 + (centres.shape,))
+    _gather(*(tensor.numpy() for tensor in (start, neighbour, centres, cloud, normals, step, normal, towards)))
+    return Pairs(start, step, normal, towards)
 
 
 def reference_frames(normals: Tensor, towards: Tensor) -> Tensor:
@@ -67,11 +67,8 @@ def turned(frames: Tensor, angle: Tensor) -> Tensor:
     return torch.stack([cos * R_x + sin * R_y, cos * R_y - sin * R_x, n], dim=2)
 
 
-def relations(pairs: Pairs, centres: Tensor, frames: Tensor, cloud: Tensor, normals: Tensor) -> Tensor:
-    """(3, P) radians of each pair: alpha1, alpha2, alpha3.
-
-    centres: (N, 3) m and their frames (N, 3, 3); cloud: positions (M, 3) m and normals (M, 3) of the neighbours; all
-    contiguous and of one float type.
+def relations(pairs: Pairs, frames: Tensor) -> Tensor:
+    """(3, P) radians of each pair: alpha1, alpha2, alpha3, in the centres' frames (N, 3, 3).
 
     alpha1 (Eq. 2), elevation, in [-pi/2, pi/2]: positive where the surface falls away below the centre's plane.
     alpha2 (Eq. 3), the angle between the normals, in [0, pi] (Kahan's form of acos(n1 . n2)).
@@ -79,26 +76,32 @@ def relations(pairs: Pairs, centres: Tensor, frames: Tensor, cloud: Tensor, norm
     the direction to the neighbour and not from it, is our choice of what the paper leaves to convention. NaN for a
     neighbour along the normal (`SINGULAR`) or at the centre.
     """
-    sides = centres.new_empty((2, 3, len(pairs.neighbour)))
-    arrays = (tensor.numpy() for tensor in (centres, frames, cloud, normals, sides))
-    _sides(pairs.start.numpy(), pairs.neighbour.numpy(), *arrays)
+    sides = pairs.step.new_empty((2, *pairs.step.shape))
+    _sides(*(tensor.numpy() for tensor in (pairs.start, pairs.step, pairs.normal, frames, sides)))
     angles = torch.atan2(sides[0], sides[1])  # in one call torch takes some 2 ns an angle, the C library 40
     angles[1] *= 2
     return angles
 
 
 @compiled
-def _mean_step(
-    start: np.ndarray, neighbour: np.ndarray, centres: np.ndarray, cloud: np.ndarray, towards: np.ndarray
+def _gather(
+    start: np.ndarray,
+    neighbour: np.ndarray,
+    centres: np.ndarray,
+    cloud: np.ndarray,
+    normals: np.ndarray,
+    step: np.ndarray,
+    normal: np.ndarray,
+    towards: np.ndarray,
 ) -> None:
-    """The mean of the steps from each centre to its neighbours: not of positions, which cancel far from the origin."""
     for i in range(len(centres)):
         x, y, z = 0.0, 0.0, 0.0
         for pair in range(start[i], start[i + 1]):
             j = neighbour[pair]
-            x += cloud[j, 0] - centres[i, 0]
-            y += cloud[j, 1] - centres[i, 1]
-            z += cloud[j, 2] - centres[i, 2]
+            dx, dy, dz = cloud[j, 0] - centres[i, 0], cloud[j, 1] - centres[i, 1], cloud[j, 2] - centres[i, 2]
+            step[0, pair], step[1, pair], step[2, pair] = dx, dy, dz
+            normal[0, pair], normal[1, pair], normal[2, pair] = normals[j, 0], normals[j, 1], normals[j, 2]
+            x, y, z = x + dx, y + dy, z + dz
         count = max(start[i + 1] - start[i], 1)
         towards[i, 0], towards[i, 1], towards[i, 2] = x / count, y / count, z / count
 
@@ -124,28 +127,25 @@ def _cross(a: np.ndarray, b: np.ndarray) -> tuple[float, float, float]:
 
 
 @compiled
-def _sides(
-    start: np.ndarray,
-    neighbour: np.ndarray,
-    centres: np.ndarray,
-    frames: np.ndarray,
-    cloud: np.ndarray,
-    normals: np.ndarray,
-    sides: np.ndarray,
-) -> None:
-    """The arguments of atan2, (opposite and adjacent, angle, pair): those of alpha1, half of alpha2, and alpha3."""
-    singular, unknown = centres.dtype.type(SINGULAR), centres.dtype.type(math.nan)
-    for i in range(len(centres)):
+def _sides(start: np.ndarray, step: np.ndarray, normal: np.ndarray, frames: np.ndarray, sides: np.ndarray) -> None:
+    """The arguments of atan2, (opposite and adjacent, angle, pair): those of alpha1, half of alpha2, and alpha3.
+
+    Two loops, over arrays without a gap: the compiler makes vector instructions of such alone.
+    """
+    singular, unknown = step.dtype.type(SINGULAR), step.dtype.type(math.nan)
+    for i in range(len(frames)):
         (a, d, g), (b, e, h), (c, f, k) = frames[i]  # columns R_x, R_y, n1
-        for pair in range(start[i], start[i + 1]):
-            j = neighbour[pair]
-            dx, dy, dz = cloud[j, 0] - centres[i, 0], cloud[j, 1] - centres[i, 1], cloud[j, 2] - centres[i, 2]
-            x, y, z = a * dx + b * dy + c * dz, d * dx + e * dy + f * dz, g * dx + h * dy + k * dz
-            flat = math.sqrt(x * x + y * y)
-            difference = (g - normals[j, 0]) ** 2 + (h - normals[j, 1]) ** 2 + (k - normals[j, 2]) ** 2
-            total = (g + normals[j, 0]) ** 2 + (h + normals[j, 1]) ** 2 + (k + normals[j, 2]) ** 2
-            known = flat > singular * abs(z)
-            sides[0, 0, pair], sides[1, 0, pair] = -z, flat
-            sides[0, 1, pair], sides[1, 1, pair] = math.sqrt(difference), math.sqrt(total)
-            sides[0, 2, pair] = y if known else unknown
-            sides[1, 2, pair] = x if known else unknown
+        own = slice(start[i], start[i + 1])
+        dx, dy, dz = step[0, own], step[1, own], step[2, own]
+        below, flat, ahead, aside = sides[0, 0, own], sides[1, 0, own], sides[1, 2, own], sides[0, 2, own]
+        for pair in range(len(dx)):
+            x = a * dx[pair] + b * dy[pair] + c * dz[pair]
+            y = d * dx[pair] + e * dy[pair] + f * dz[pair]
+            z = g * dx[pair] + h * dy[pair] + k * dz[pair]
+            length = math.sqrt(x * x + y * y)
+            below[pair], flat[pair], ahead[pair] = -z, length, x
+            aside[pair] = y if length > singular * abs(z) else unknown
+        nx, ny, nz, apart, together = normal[0, own], normal[1, own], normal[2, own], sides[0, 1, own], sides[1, 1, own]
+        for pair in range(len(nx)):
+            apart[pair] = math.sqrt((g - nx[pair]) ** 2 + (h - ny[pair]) ** 2 + (k - nz[pair]) ** 2)
+            together[pair] = math.sqrt((g + nx[pair]) ** 2 + (h + ny[pair]) ** 2 + (k + nz[pair]) ** 2)

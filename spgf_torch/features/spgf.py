@@ -11,12 +11,11 @@ import torch
 from torch import Tensor
 
 from spgf_torch.config import FeatureConfig, InputError
-from spgf_torch.features.alignment import highest_curvature, start_at
+from spgf_torch.features.alignment import aligned_poses, highest_curvature, start_at
 from spgf_torch.features.grid import rings
-from spgf_torch.features.relations import Pairs, reference_frames, relations, to_neighbours, turned
+from spgf_torch.features.relations import pairs_of, reference_frames, relations, turned
 from spgf_torch.geometry.neighbours import Neighbourhoods
-from spgf_torch.geometry.se3 import from_rotation
-from spgf_torch.threads import in_parts
+from spgf_torch.threads import in_parts, one_thread
 
 # The soft alignment looks for its direction on rings this many times finer (2 deg with 36 cells; FEATURES.md).
 FINER = 5
@@ -67,6 +66,7 @@ def spgf(
     frames, start = X.new_empty((len(X), 3, 3)), _drawn(len(X), config, generator)
     aligned, valid = X.new_empty((len(X), 2, config.cells, 2)), torch.empty(len(X), dtype=torch.bool)
 
+    @one_thread()
     def describe(part: slice) -> None:
         rows = near.order[part]
         frames[rows], found, valid[rows] = _rings(surface, near, part, config)
@@ -75,7 +75,7 @@ def spgf(
         start_at(found, start[rows], rows, aligned)
 
     deque(in_parts(describe, near.parts), maxlen=0)
-    T = from_rotation(turned(frames, _angle(start, config.cells, X)), X)
+    T = aligned_poses(frames, start, config.cells, X)
     return Features(*(tensor.to(positions.device) for tensor in (T, aligned, valid)))
 
 
@@ -89,13 +89,11 @@ class Surface:
 
 def _rings(surface: Surface, near: Neighbourhoods, part: slice, config: FeatureConfig) -> tuple[Tensor, Tensor, Tensor]:
     """Steps 1 to 4 of section 3.1 for a part of the texlets: reference frames (n, 3, 3), and what `grid.rings` has."""
-    X, n = surface.positions[part], surface.normals[part]
-    pairs = Pairs(*near.of(part))
-    frames = reference_frames(n, to_neighbours(pairs, X, surface.positions))
+    pairs = pairs_of(*near.of(part), surface.positions[part], surface.positions, surface.normals)
+    frames = reference_frames(surface.normals[part], pairs.towards)
 
     def in_frames(frames: Tensor, config: FeatureConfig, soft: bool = False) -> tuple[Tensor, Tensor]:
-        angles = relations(pairs, X, frames, surface.positions, surface.normals)
-        return rings(pairs.start, angles, config, soft)
+        return rings(pairs.start, relations(pairs, frames), config, soft)
 
     if config.alignment == "soft":
         frames = _turned_softly(frames, in_frames, config)
@@ -109,7 +107,7 @@ def _turned_softly(frames: Tensor, in_frames: InFrames, config: FeatureConfig) -
     """
     fine = replace(config, cells=FINER * config.cells, half_length=FINER * (config.half_length + 1) - 1)
     start = highest_curvature(in_frames(frames, fine, True)[0])
-    return turned(frames, _angle(start, fine.cells, frames))
+    return turned(frames, start.to(frames) * (2 * math.pi / fine.cells))
 
 
 def _drawn(N: int, config: FeatureConfig, generator: torch.Generator | None) -> Tensor:
@@ -117,11 +115,6 @@ def _drawn(N: int, config: FeatureConfig, generator: torch.Generator | None) -> 
     if config.alignment == "random":
         return torch.randint(config.cells, (N,), generator=generator)
     return torch.zeros(N, dtype=torch.int64)
-
-
-def _angle(cell: Tensor, cells: int, like: Tensor) -> Tensor:
-    """The direction of a cell's centre, in radians and in the precision of `like`."""
-    return cell.to(like.dtype) * (2 * math.pi / cells)
 
 
 def _check(positions: Tensor, normals: Tensor, config: FeatureConfig, generator: torch.Generator | None) -> None:

@@ -85,25 +85,40 @@ def radius_pairs(points: Tensor, radius: float) -> tuple[Tensor, Tensor]:
 def _cubes(xyz: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The points' order; in it the cube of each (N,); and first and last (cubes, 9): the points of the nine rows of
     three cubes about each cube."""
-    width = (1 + WIDER) * radius
-    steps = [_compact(np.floor(column / width)) for column in xyz.T]
-    ny, nz = (int(step.max(initial=0)) + 2 for step in steps[1:])
-    key = (steps[0] * ny + steps[1]) * nz + steps[2]
+    steps = np.floor((xyz - xyz.min(0, initial=0)) / ((1 + WIDER) * radius))
+    if steps.max(initial=0) > SPAN:
+        steps = np.stack([_compact(axis) for axis in steps.T], axis=1)
+    _, ny, nz = (int(most) + 3 for most in steps.max(0, initial=0))  # none beside the first and last
+    x, y, z = steps.astype(np.int64).T
+    key = (x * ny + y) * nz + z
     order = np.argsort(key, kind="stable")
     key = key[order]
     new = np.diff(key, prepend=-1) > 0
-    rows = np.array([(x * ny + y) * nz for x in (-1, 0, 1) for y in (-1, 0, 1)]) + key[new][:, None]
-    first, last = np.searchsorted(key, rows - 1, side="left"), np.searchsorted(key, rows + 1, side="right")
-    return order, np.cumsum(new) - 1, first, last
+    places = np.append(np.flatnonzero(new), len(key))
+    rows = np.array([(x * ny + y) * nz for x in (-1, 0, 1) for y in (-1, 0, 1)])
+    return order, np.cumsum(new) - 1, *_rows(key[new], places, rows)
+
+
+@compiled
+def _rows(cubes: np.ndarray, places: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and last, as in `_cubes`: of sorted cubes (C,), whose points start at places (C + 1,)."""
+    first, last = np.empty((len(cubes), 9), np.int64), np.empty((len(cubes), 9), np.int64)
+    for row in range(9):
+        low, high = 0, 0
+        for k in range(len(cubes)):
+            middle = cubes[k] + rows[row]
+            while low < len(cubes) and cubes[low] < middle - 1:
+                low += 1
+            while high < len(cubes) and cubes[high] <= middle + 1:
+                high += 1
+            first[k, row], last[k, row] = places[low], places[high]
+    return first, last
 
 
 def _compact(cube: np.ndarray) -> np.ndarray:
-    """Whole numbers (N,) with the same order and neighbours, from 1 on, and small: wide gaps are narrowed if needed."""
-    cube = cube - cube.min(initial=0)
-    if cube.max(initial=0) > SPAN:
-        values, place = np.unique(cube, return_inverse=True)
-        cube = np.minimum(np.diff(values, prepend=values[:1]), 2).cumsum()[place]
-    return cube.astype(np.int64) + 1
+    """Whole numbers (N,) with the same order and neighbours, and no gap wider than one: they stay small."""
+    values, place = np.unique(cube, return_inverse=True)
+    return np.minimum(np.diff(values, prepend=values[:1]), 2).cumsum()[place]
 
 
 @compiled
@@ -121,13 +136,21 @@ def _within(
 
     Every candidate is written and kept by counting it: without a branch, which would be guessed wrong too often.
     """
+    X, Y, Z = xyz
+    apart = np.empty((last - first).max(), np.float64)  # squared distances to the points of a row of cubes
     found = 0
     for k in range(len(cube)):
         i = begin + k
-        x, y, z = xyz[0, i], xyz[1, i], xyz[2, i]
+        x, y, z = X[i], Y[i], Z[i]
         for row in range(9):
-            for j in range(first[cube[k], row], last[cube[k], row]):
-                dx, dy, dz = xyz[0, j] - x, xyz[1, j] - y, xyz[2, j] - z
-                neighbour[found] = j
-                found += (dx * dx + dy * dy + dz * dz <= square) & (j != i)
+            a, b = first[cube[k], row], last[cube[k], row]
+            xs, ys, zs = X[a:b], Y[a:b], Z[a:b]
+            for j in range(b - a):
+                dx, dy, dz = xs[j] - x, ys[j] - y, zs[j] - z
+                apart[j] = dx * dx + dy * dy + dz * dz
+            if a <= i < b:
+                apart[i - a] = np.inf
+            for j in range(b - a):
+                neighbour[found] = a + j
+                found += apart[j] <= square
         start[k + 1] = found

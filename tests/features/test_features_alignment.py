@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from spgf_torch.features.alignment import TIE, _run_lengths, highest_curvature, start_at
+from spgf_torch.features.alignment import TIE, _run_lengths, aligned_poses, highest_curvature, start_at
 
 RIGHT = math.pi / 2
 
@@ -105,3 +105,13 @@ def test_start_at_moves_both_layers_to_their_rows():
     assert torch.equal(moved[2], rings[0].roll(-3, dims=1))
     assert torch.equal(moved[0], rings[1])
     assert not moved[1].any()
+
+
+def test_poses_turn_the_frame_to_the_start_cell():
+    """A quarter of the ring onwards x is where y was; the normal stays."""
+    frame = torch.tensor([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # columns: x = R_y of the world, and so on
+    T = aligned_poses(frame.expand(2, 3, 3).contiguous(), torch.tensor([0, 9]), 36, torch.tensor([[1.0, 2, 3]] * 2))
+    assert torch.equal(T[0, :3, :3], frame)
+    assert torch.allclose(T[1, :3, :3], torch.stack([frame[:, 1], -frame[:, 0], frame[:, 2]], dim=1), atol=1e-7)
+    assert T[:, :3, 3].tolist() == [[1, 2, 3]] * 2
+    assert T[:, 3].tolist() == [[0, 0, 0, 1]] * 2

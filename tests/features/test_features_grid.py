@@ -111,6 +111,13 @@ def test_a_filter_longer_than_the_ring_counts_each_cell_once():
     assert (7 * weight).tolist() == pytest.approx([7, 6, 5, 6])
 
 
+@pytest.mark.parametrize("half_length", [0, 1, 6])
+def test_the_filter_comes_by_fours(half_length):
+    ahead, weight = triangle(36, half_length, torch.float64)
+    assert len(ahead) % 4 == 0
+    assert weight.sum() == pytest.approx(half_length + 1)
+
+
 @pytest.mark.parametrize(
     ("gaps", "values"), [("saturated", [(RIGHT, RIGHT), (RIGHT, math.pi)]), ("flat", [(0, 0), (0, math.pi)])]
 )

@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from spgf_torch.features.relations import Pairs, reference_frames, relations, to_neighbours, turned
+from spgf_torch.features.relations import pairs_of, reference_frames, relations, turned
 
 unit = torch.nn.functional.normalize
 SEEN = torch.eye(3, dtype=torch.float64)[None]  # a frame along the axes
@@ -14,7 +14,7 @@ SEEN = torch.eye(3, dtype=torch.float64)[None]  # a frame along the axes
 def angles(local: torch.Tensor, normals: torch.Tensor, frame: torch.Tensor = SEEN) -> torch.Tensor:
     """The relations (3, P) of a centre at the origin with neighbours at local (P, 3), normals (P, 3)."""
     start, neighbour = torch.tensor([0, len(local)]), torch.arange(len(local), dtype=torch.int32)
-    return relations(Pairs(start, neighbour), local.new_zeros((1, 3)), frame.to(local), local, normals)
+    return relations(pairs_of(start, neighbour, local.new_zeros((1, 3)), local, normals), frame.to(local))
 
 
 def random(*shape: int, seed: int = 0) -> torch.Tensor:
@@ -71,7 +71,7 @@ def test_pairs_of_several_centres_equal_pairs_of_one():
     frames = reference_frames(n, random(20, 3, seed=2))
     neighbour = torch.tensor([3, 5, 7, 1, 19, 0], dtype=torch.int32)
     start = torch.tensor([0, 2, 2, 6])  # centres 4, 5, 6; the second has none
-    found = relations(Pairs(start, neighbour), cloud[4:7], frames[4:7], cloud, n)
+    found = relations(pairs_of(start, neighbour, cloud[4:7], cloud, n), frames[4:7])
     for pair, (i, j) in enumerate([(4, 3), (4, 5), (6, 7), (6, 1), (6, 19), (6, 0)]):
         alone = angles((cloud[j] - cloud[i])[None], n[j : j + 1], frames[i : i + 1])
         assert torch.allclose(found[:, pair : pair + 1], alone, atol=1e-12)
@@ -80,8 +80,8 @@ def test_pairs_of_several_centres_equal_pairs_of_one():
 def test_the_reference_axis_points_to_the_mean_of_the_neighbours():
     """Neighbours of the origin at x = 1 and 3 cm and y = 1 cm, their mean at (4/3, 1/3); the second has none."""
     cloud = torch.tensor([[0, 0, 0], [0.01, 0, 0], [0.03, 0, 0], [0, 0.01, 0], [1, 1, 1]], dtype=torch.float64)
-    pairs = Pairs(torch.tensor([0, 3, 3]), torch.tensor([1, 2, 3], dtype=torch.int32))
-    towards = to_neighbours(pairs, cloud[[0, 4]], cloud)
+    neighbour = torch.tensor([1, 2, 3], dtype=torch.int32)
+    towards = pairs_of(torch.tensor([0, 3, 3]), neighbour, cloud[[0, 4]], cloud, cloud).towards
     assert torch.allclose(towards[0], torch.tensor([0.04 / 3, 0.01 / 3, 0], dtype=torch.float64))
     assert torch.equal(towards[1], torch.zeros(3, dtype=torch.float64))
     R_x = reference_frames(torch.tensor([[0.0, 0, 1]] * 2, dtype=torch.float64), towards)[:, :, 0]
@@ -92,9 +92,9 @@ def test_the_reference_axis_points_to_the_mean_of_the_neighbours():
 def test_far_from_the_origin_the_axis_is_as_exact_as_the_points():
     """The mean of float32 positions would be off by 1e-7 of 10 m; steps between points are exact."""
     near = torch.tensor([[0.0, 0, 0], [2**-7, 0, 0], [0, 2**-8, 0]])
-    pairs = Pairs(torch.tensor([0, 2]), torch.tensor([1, 2], dtype=torch.int32))
-    far = near + 16
-    assert torch.equal(to_neighbours(pairs, far[:1], far), to_neighbours(pairs, near[:1], near))
+    start, neighbour = torch.tensor([0, 2]), torch.tensor([1, 2], dtype=torch.int32)
+    there, here = (pairs_of(start, neighbour, cloud[:1], cloud, cloud).towards for cloud in (near + 16, near))
+    assert torch.equal(there, here)
 
 
 def test_reference_frames_are_right_handed_with_the_normal_last():
