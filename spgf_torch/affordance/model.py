@@ -33,6 +33,7 @@ from spgf_torch.config import (
     SensingConfig,
     typed,
 )
+from spgf_torch.features.descriptors import width
 from spgf_torch.reading import json_values, unreadable
 
 FORMAT = "spgf_torch model"
@@ -131,7 +132,7 @@ def load_model(folder: Path, device: str = "cpu") -> GraspModel:
     missing = [name for name in _TENSORS if name not in tensors]
     if missing:
         raise InputError(f"{path}: expected the tensors {', '.join(_TENSORS)}; missing {', '.join(missing)}")
-    _check_shapes(path, tensors)
+    _check_shapes(path, tensors, width(typed(FeatureConfig, document["settings"]["features"])))
     lattice = lattice_of(typed(AffordanceConfig, document["settings"]["affordance"]))
     _check_values(path, tensors, lattice)
     tensors["cell"] = tensors["cell"].int()
@@ -140,14 +141,14 @@ def load_model(folder: Path, device: str = "cpu") -> GraspModel:
     return GraspModel(tensors["centres"], condensed, lattice, calibration, document["settings"])
 
 
-def _check_shapes(path: Path, tensors: dict[str, Tensor]) -> None:
-    """Raises InputError where the tensors do not belong together."""
+def _check_shapes(path: Path, tensors: dict[str, Tensor], D: int) -> None:
+    """Raises InputError where the tensors do not belong together, or centres do not have D numbers."""
     for name, tensor in tensors.items():
         whole = name in ("slice_start", "cell")
         if name in _TENSORS and (tensor.is_floating_point() == whole or tensor.is_complex() or not tensor.ndim):
             raise InputError(f"{path}: expected {name} to hold {'whole ' * whole}numbers, got {tensor.dtype}")
-    if tensors["centres"].ndim != 2 or not tensors["centres"].numel():
-        raise InputError(f"{path}: expected centres of shape (K, D), got {tuple(tensors['centres'].shape)}")
+    if tensors["centres"].ndim != 2 or tensors["centres"].shape[1] != D or not len(tensors["centres"]):
+        raise InputError(f"{path}: expected centres of shape (K, {D}), got {tuple(tensors['centres'].shape)}")
     slices, points = len(tensors["centres"]) * len(GRASP_TYPES), int(tensors["slice_start"].reshape(-1)[-1:].sum())
     expected: dict[str, tuple[int, ...]] = dict.fromkeys(("cell", "probability", "support"), (points,))
     expected |= {"slice_start": (slices + 1,), "base_rate": (len(GRASP_TYPES),)}

@@ -22,6 +22,8 @@ from spgf_torch.features.relations import pairs_of, reference_frames, relations
 from spgf_torch.geometry.neighbours import radius_pairs
 from spgf_torch.geometry.se3 import from_rotation
 
+NUMBERS = 4  # of a pair: two elevations, the angle between the normals, the distance
+
 # What the whole radius counts as in k-means, rad: the range of an elevation on one side of the plane.
 RADIUS_ANGLE = math.pi / 2
 

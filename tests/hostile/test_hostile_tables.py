@@ -236,6 +236,7 @@ TENSORS: list[tuple[str, Write, str]] = [
     ("without a slice", safe(slice_start=torch.tensor([0, 2])), "slice_start"),
     ("centres in a row", safe(centres=torch.rand(3)), "centres"),
     ("no centre", safe(centres=torch.rand(0, 144)), "centres"),
+    ("centres of another descriptor", safe(centres=torch.rand(3, 33)), "(K, 144)"),
     ("a centre alone", safe(centres=torch.tensor(3.0)), "centres"),
     ("centres of NaN", safe(centres=torch.full((3, 144), float("nan"))), "finite"),
     ("whole centres", safe(centres=torch.zeros(3, 144, dtype=torch.int8)), "centres"),
