@@ -16,6 +16,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from spgf_torch.affordance.model import GraspModel, check_device, load_model
 from spgf_torch.affordance.sensed_collision import hand_volume
@@ -66,9 +67,10 @@ class Predictor:
         return Predictor(model, typed(SensingConfig, model.settings["sensing"]), grippers, proposer, retreat)
 
     def ready(self) -> Predictor:
-        """Compute now what the first prediction would compute: seconds, once a model."""
+        """Do now what the first prediction would do besides: tables of the model, and compiled loops; seconds."""
         proposer = self.proposer
         _ = proposer.index, proposer.shortlist, proposer.moves
+        self.predict(block(self.sensing.spacing))
         return self
 
     @cached_property
@@ -127,3 +129,18 @@ class Predictor:
             )
             for i in kept
         ]
+
+
+def block(spacing: float, side: float = 0.04) -> Texlets:
+    """Texlets `spacing` (m) apart on a block that any hand can grasp, about the origin: something to try things on."""
+    along = np.arange(-side / 2, side / 2, spacing) + spacing / 2
+    u, v = (grid.ravel() for grid in np.meshgrid(along, along))
+    positions, normals = [], []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            face, normal = np.empty((len(u), 3)), np.zeros((len(u), 3))
+            face[:, axis], face[:, axis - 1], face[:, axis - 2] = sign * side / 2, u, v
+            normal[:, axis] = sign
+            positions.append(face)
+            normals.append(normal)
+    return Texlets(*(torch.from_numpy(np.concatenate(parts)).float() for parts in (positions, normals)))
