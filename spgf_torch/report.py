@@ -14,7 +14,7 @@ def run(config: ReportConfig, folder: Path) -> None:
     from spgf_torch.reporting.runs import Notes, load_runs
 
     notes, stages = Notes(), Stages()
-    runs = load_runs(config.runs, notes)
+    runs = load_runs(config.runs, notes, pictured=True)
 
     from spgf_torch.reporting.build import build  # brings torch and matplotlib: not before there is something to draw
     from spgf_torch.reporting.table1 import terminal

@@ -34,8 +34,8 @@ class Notes:
         console.print(f"report: {line}", markup=False)
 
 
-# What pictures and tables need of a run's settings.
-_NEEDED = {"objects": str, "sensing": dict, "features": dict, "hand.openings": dict}
+# What the report needs of a run's settings; the learned baseline's have no features.
+_PICTURED = {"objects": str, "sensing": dict, "features": dict, "hand.openings": dict}
 
 
 @dataclass(frozen=True)
@@ -81,17 +81,21 @@ class ObjectRow:
     rates: dict[str, Rates]
 
 
-def load_runs(runs: Any, tell: Tell) -> list[Run]:
+def load_runs(runs: Any, tell: Tell, pictured: bool = False) -> list[Run]:
     """The runs in a run folder, a folder of runs, or a list of either; oldest first.
 
     Every run that is interrupted or damaged, or made from other data than the newest one, is told in a line and left
-    out. Raises InputError where a folder does not exist or holds no run, or where nothing is left.
+    out; with `pictured` also those whose settings lack what the report shows. Raises InputError where a folder does
+    not exist or holds no run, or where nothing is left.
     """
     folders = {folder.resolve(): folder for given in _listed(runs) for folder in _run_folders(given)}.values()
     loaded = []
     for folder in folders:
         try:
-            loaded.append(read_run(folder))
+            run = read_run(folder)
+            if pictured:
+                _check_pictured(run)
+            loaded.append(run)
         except InputError as error:
             tell(f"left out: {error}")
     if not loaded:
@@ -184,13 +188,18 @@ def _settings(path: Path) -> dict[str, Any]:
     content = yaml_values(path, "the settings of a run")
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected the settings of a run, got something else")
-    hand = content.get("hand")
-    told = {**content, "hand.openings": hand.get("openings") if isinstance(hand, dict) else None}
-    for key, kind in _NEEDED.items():
+    return content
+
+
+def _check_pictured(run: Run) -> None:
+    """Raises InputError where the settings lack what pictures are made from."""
+    hand = run.settings.get("hand")
+    told = {**run.settings, "hand.openings": hand.get("openings") if isinstance(hand, dict) else None}
+    for key, kind in _PICTURED.items():
         if not isinstance(told.get(key), kind):
             words = "text" if kind is str else "settings"
-            raise InputError(f"{path}: {key}: expected {words}, got {str(told.get(key, 'none'))[:60]}")
-    return content
+            got = str(told.get(key, "none"))[:60]
+            raise InputError(f"{run.folder / 'config.yaml'}: {key}: expected {words}, got {got}")
 
 
 def _stamp(folder: Path) -> str:

@@ -104,7 +104,7 @@ def left_out(run: Path, file: str) -> str:
     """The line that the report says of the run; nothing else is left of it, and no file made."""
     before, lines = sorted(Path().rglob("*")), []
     with pytest.raises(InputError, match="at least one finished run"):
-        load_runs(str(run.parent), lines.append)
+        load_runs(str(run.parent), lines.append, pictured=True)
     assert sorted(Path().rglob("*")) == before
     assert len(lines) == 1 and "\n" not in lines[0] and len(lines[0]) < 500
     assert lines[0].startswith("left out: ") and file in lines[0] and "expected" in lines[0] and "got" in lines[0]
