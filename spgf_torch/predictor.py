@@ -20,7 +20,7 @@ import torch
 
 from spgf_torch.affordance.model import GraspModel, check_device, load_model
 from spgf_torch.affordance.sensed_collision import hand_volume
-from spgf_torch.config import HandConfig, ProposingConfig, SceneConfig, SensingConfig, find, settings, typed
+from spgf_torch.config import HandConfig, InputError, ProposingConfig, SceneConfig, SensingConfig, find, settings, typed
 from spgf_torch.exporting.records import Grasp, Gripper, grippers_of, make_grasp
 from spgf_torch.proposing.clearance import Plane
 from spgf_torch.proposing.propose import Proposals, Proposer
@@ -96,9 +96,9 @@ class Predictor:
 
         Raises InputError for points that cannot be used.
         """
-        places = None if viewpoint is None else np.atleast_2d(np.asarray(viewpoint, dtype=np.float64))
-        turned = None if normals is None else np.asarray(normals, dtype=np.float64)
-        cloud = Cloud(np.asarray(points, dtype=np.float64), turned, places)
+        places = None if viewpoint is None else np.atleast_2d(_numbers("viewpoint", viewpoint))
+        turned = None if normals is None else _numbers("normals", normals)
+        cloud = Cloud(_numbers("points", points), turned, places)
         return texlets_of(cloud, settings(SceneConfig, **changes), self.sensing, np.random.default_rng(0))
 
     def predict(self, texlets: Texlets, top: int = 10, plane: np.ndarray | None = None) -> list[Grasp]:
@@ -129,6 +129,14 @@ class Predictor:
             )
             for i in kept
         ]
+
+
+def _numbers(name: str, values: object) -> np.ndarray:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, RuntimeError) as error:  # the last: a tensor that requires grad, or is elsewhere
+        told = str(error).splitlines()[0][:100]
+        raise InputError(f"{name}: expected an array of numbers, got {type(values).__name__}: {told}") from None
 
 
 def block(spacing: float, side: float = 0.04) -> Texlets:

@@ -108,6 +108,7 @@ def save_model(model: GraspModel, folder: Path) -> int:
     lattice = _lattice_section(model.lattice)
     document = {"format": FORMAT, "schema": SCHEMA, "lattice": lattice, "settings": model.settings}
     (folder / "model.json").write_text(json.dumps(document, indent=1, sort_keys=True) + "\n")
+    (folder / "model.safetensors").chmod((folder / "model.json").stat().st_mode)  # else it is its owner's alone
     return (folder / "model.safetensors").stat().st_size
 
 

@@ -34,6 +34,8 @@ from spgf_torch.sensing.texlets import Texlets, thin
 
 # Points further apart than this much of the texlets' spacing leave many a texlet with one point, which then must do.
 _SPARSE = 0.85
+# m; texlets and grasps are float32, exact to 0.03 mm there.
+_FAR = 1000.0
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,7 @@ def scene_of_clouds(
     clouds = [checked(cloud, organised=False) for cloud in clouds]
     read = sum(map(len, clouds))
     clouds, notes = cropped(clouds, config)
+    _check_near(clouds)
     clouds = [voxel_means(cloud, config.voxel) for cloud in clouds]
     notes.append(f"voxels of {config.voxel:g} m: {sum(map(len, clouds))} points of {read}")
     clouds, plane = without_table(clouds, config, generator, notes)
@@ -253,6 +256,16 @@ def _thinned(
 def _texlets(cloud: Cloud) -> Texlets:
     assert cloud.normals is not None
     return Texlets(torch.from_numpy(cloud.points).float(), torch.from_numpy(cloud.normals).float())
+
+
+def _check_near(clouds: Sequence[Cloud]) -> None:
+    """Raises InputError where most points are so far from the origin that texlets would be rounded."""
+    for cloud in clouds:
+        away = float(np.abs(np.median(cloud.points, axis=0)).max(initial=0)) if len(cloud) else 0.0
+        if away > _FAR:
+            raise InputError(
+                f"{cloud.name}: expected points within {_FAR:g} m of the origin, got {away:.4g} m; subtract an offset"
+            )
 
 
 def _files(name: str, given: object) -> list[Path]:

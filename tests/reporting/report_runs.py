@@ -76,7 +76,7 @@ def tiny_model(K: int, config: TrainConfig) -> GraspModel:
     rings[2:, 0, :9] = 90, 90
     lattice = Lattice(0.1, 0.012, 22.5)
     points = 2 * K * 9
-    cells = torch.randint(lattice.cells, (points,), generator=torch.Generator().manual_seed(0))
+    cells = torch.randint(lattice.cells, (2 * K, 9), generator=torch.Generator().manual_seed(0)).sort().values.flatten()
     condensed = Condensed(
         torch.arange(2 * K + 1) * 9,
         cells,
