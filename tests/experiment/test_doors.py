@@ -331,6 +331,10 @@ def test_a_model_in_python_gives_the_grasps_of_the_command(small: Path, seen: np
     low = model.predict(texlets, top=5, plane=np.array([0.0, 0.0, 1.0, 10.0]))  # a table 10 m below changes nothing
     assert np.allclose(low[0].T_input_tcp, grasps[0].T_input_tcp)
     assert model.predict(texlets, top=5, plane=np.array([0.0, 0.0, 1.0, -10.0])) == []  # all is below this one
+    with pytest.raises(InputError, match="points: expected an array of numbers, got str"):
+        model.texlets("cloud.ply")
+    with pytest.raises(InputError, match="viewpoint: expected an array of numbers"):
+        model.texlets(seen[:, :3], viewpoint="left")
 
 
 def test_moved_points_give_the_same_grasps_moved(small: Path, seen: np.ndarray) -> None:

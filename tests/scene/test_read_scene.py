@@ -186,6 +186,11 @@ def test_bad_meshes(tray: trimesh.Trimesh, tmp_path: Path) -> None:
     ("points", "normals", "message"),
     [
         (np.full((4, 3), np.nan), None, "live: expected finite points, got 4"),
+        (
+            5e5 + 0.01 * np.arange(60).reshape(20, 3),
+            np.tile([0.0, 0, 1], (20, 1)),
+            "live: expected points within 1000 m",
+        ),
         (np.zeros((0, 3)), None, "live: expected points, got none"),
         (np.zeros((4, 2)), None, r"live: expected points of shape \(N, 3\), got \(4, 2\)"),
         (np.zeros((4, 3)), np.ones((3, 3)), r"live: expected normals of shape \(4, 3\), got \(3, 3\)"),
