@@ -24,19 +24,28 @@ class Cloud:
         normals: (N, 3) float64, unit, out of the surface; None: not known.
         viewpoints: (V, 3) float64, where it was seen from, same frame; None: not known.
         name: for errors, the file that it came from.
+        labels: (N,) int32, the target that each point is of, 0: of none, an obstacle; None: all are the target.
+        pixels: (N, 2) int32 row and column, where the points are those of an image; None: not known.
+        notes: what the reader left out or took for something, a line each.
     """
 
     points: np.ndarray
     normals: np.ndarray | None = None
     viewpoints: np.ndarray | None = None
     name: str = "cloud"
+    labels: np.ndarray | None = None
+    pixels: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.points)
 
     def select(self, which: np.ndarray) -> Cloud:
         """The points that a mask or index (N,) names."""
-        return replace(self, points=self.points[which], normals=None if self.normals is None else self.normals[which])
+        normals, labels, pixels = (
+            None if column is None else column[which] for column in (self.normals, self.labels, self.pixels)
+        )
+        return replace(self, points=self.points[which], normals=normals, labels=labels, pixels=pixels)
 
     def scaled(self, factor: float) -> Cloud:
         """Points and viewpoints times `factor`."""

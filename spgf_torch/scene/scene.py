@@ -10,25 +10,15 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from spgf_torch.config import InputError, SceneConfig, SensingConfig, find
+from spgf_torch.config import InputError, SceneConfig, SensingConfig
 from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, checked, vectors, voxel_means
-from spgf_torch.scene.depth import (
-    camera_of,
-    check_depth,
-    every,
-    learned_stride,
-    pixel_points,
-    read_depth,
-    read_intrinsics,
-    read_mask,
-    read_poses,
-    surface,
-)
+from spgf_torch.scene.depth import every, learned_stride, pixel_points, surface
 from spgf_torch.scene.files import read_cloud
 from spgf_torch.scene.meshes import is_mesh, sampled, sensed
 from spgf_torch.scene.normals import neighbourhoods, oriented
 from spgf_torch.scene.selection import crop_box, cropped, viewpoints_of, within, without_table
+from spgf_torch.scene.views import View, files_of, read_views
 from spgf_torch.sensing.cameras import Camera
 from spgf_torch.sensing.texlets import Texlets, thin
 
@@ -69,7 +59,7 @@ def read_scene(config: SceneConfig, sensing: SensingConfig, generator: np.random
     """
     if not config.input:
         raise InputError("input: expected a point cloud, depth image or mesh (input=FILE), got none")
-    paths = _files("input", config.input)
+    paths = files_of("input", config.input)
     if config.intrinsics is not None or any(path.suffix.lower() == ".png" for path in paths):
         _unused(config, "viewpoints", "point clouds")
         return scene_of_views(read_views(paths, config), config, sensing, generator)
@@ -130,21 +120,21 @@ def scene_of_clouds(
 
 
 def scene_of_views(
-    views: Sequence[tuple[np.ndarray, Camera]],
-    config: SceneConfig,
-    sensing: SensingConfig,
-    generator: np.random.Generator,
+    views: Sequence[View], config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator
 ) -> Scene:
-    """The scene that depth images (H, W) in m show together, in the frame of their cameras' poses.
+    """The scene that depth images show together, in the frame of their cameras' poses.
 
     The surface points are those of `sensing.texlets.extract`; crop and table removal act on them.
     """
     clouds, strides = [], []
-    for number, (depth, camera) in enumerate(views):
+    for view in views:
+        depth, camera = view.depth, view.camera
         if depth.shape != (camera.height, camera.width):
-            raise InputError(f"depth image: expected {camera.height} x {camera.width} pixels, got {depth.shape}")
+            raise InputError(f"{view.name}: expected {camera.height} x {camera.width} pixels, got {depth.shape}")
+        if view.labels is not None:
+            depth = np.where(view.labels > 0, depth, 0.0)
         strides.append(_stride(depth, camera, config, sensing))
-        clouds.append(surface(*every(depth, camera, strides[-1]), sensing, f"depth image {number + 1}"))
+        clouds.append(surface(*every(depth, camera, strides[-1]), sensing, view.name))
     if not any(map(len, clouds)):
         raise InputError(
             f"input: expected surfaces of {sensing.window} x {sensing.window} pixels in the depth images, got none"
@@ -166,56 +156,6 @@ def _stride(depth: np.ndarray, camera: Camera, config: SceneConfig, sensing: Sen
     inside = returned & within(pixel_points(depth, camera), crop_box(config))
     matter = depth[inside] if inside.any() else depth[returned]
     return learned_stride(matter, camera.K, sensing) if len(matter) else 1
-
-
-def read_views(paths: Sequence[Path], config: SceneConfig) -> list[tuple[np.ndarray, Camera]]:
-    """The depth images (H, W) in m, masked, with their cameras, whose poses are T_input_camera.
-
-    Raises:
-        InputError: as the readers of `scene.depth`; fewer or more intrinsics, poses or masks than images; sizes of
-            image, K and mask that differ.
-    """
-    if config.intrinsics is None:
-        raise InputError(f"intrinsics: expected the file of K for the depth image {paths[0]}, got none")
-    count = len(paths)
-    cameras = [read_intrinsics(path) for path in _files("intrinsics", config.intrinsics)]
-    if len(cameras) not in (1, count):
-        raise InputError(f"intrinsics: expected one file, or one a depth image ({count}), got {len(cameras)}")
-    cameras = cameras * count if len(cameras) == 1 else cameras
-    masks = [] if config.mask is None else _files("mask", config.mask)
-    if masks and len(masks) != count:
-        raise InputError(f"mask: expected one image a depth image ({count}), got {len(masks)}")
-    views = []
-    for i, (path, T) in enumerate(zip(paths, _poses(config, count), strict=True)):
-        depth = read_depth(path, config.depth_scale, config.unit, config.max_points)
-        check_depth(depth, str(path), config.min_extent, config.max_extent)
-        if masks:
-            keep = read_mask(masks[i], config.max_points)
-            if keep.shape != depth.shape:
-                raise InputError(f"{masks[i]}: expected {depth.shape} pixels as {path} has, got {keep.shape}")
-            depth = np.where(keep, depth, 0.0)
-            if not keep.any():
-                raise InputError(f"{masks[i]}: expected pixels above 0, which are kept; got none")
-        views.append((depth, camera_of(depth, *cameras[i], T, str(path))))
-    if sum(depth.size for depth, _ in views) > config.max_points:
-        raise InputError(
-            f"input: expected at most {config.max_points} pixels (max_points), got more; give fewer images"
-        )
-    return views
-
-
-def _poses(config: SceneConfig, count: int) -> np.ndarray:
-    if config.poses is None:
-        if count > 1:
-            raise InputError(f"poses: expected T_input_camera of each of the {count} depth images, got none")
-        return np.eye(4)[None]
-    poses = read_poses(_files("poses", config.poses))
-    if len(poses) != count:
-        raise InputError(f"poses: expected one a depth image ({count}), got {len(poses)}")
-    far = float(np.abs(poses[:, :3, 3]).max())
-    if far > config.max_extent:
-        raise InputError(f"poses: expected cameras within {config.max_extent:g} m of the origin, got {far:.4g}; mm?")
-    return poses
 
 
 def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator) -> Scene:
@@ -266,17 +206,6 @@ def _check_near(clouds: Sequence[Cloud]) -> None:
             raise InputError(
                 f"{cloud.name}: expected points within {_FAR:g} m of the origin, got {away:.4g} m; subtract an offset"
             )
-
-
-def _files(name: str, given: object) -> list[Path]:
-    """One path or a list of them, as a setting gives it."""
-    if given == "":
-        raise InputError(f"{name}: expected a file or a list of files ({name}=FILE), got none")
-    if isinstance(given, (str, Path)):
-        return [find(given)]
-    if not isinstance(given, (list, tuple)) or not given or not all(isinstance(each, (str, Path)) for each in given):
-        raise InputError(f"{name}: expected a file or a list of files, got {given!r}")
-    return [find(each) for each in given]
 
 
 def _unused(config: SceneConfig, key: str, what: str) -> None:

@@ -10,6 +10,7 @@ import trimesh
 from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
 from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.scene import Scene, read_scene, scene_of_views, texlets_of
+from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, surround
 from spgf_torch.sensing.sense import observe
 
@@ -203,7 +204,7 @@ def test_arrays_are_checked_as_files_are(points: np.ndarray, normals: np.ndarray
 
 def test_a_depth_image_of_another_size_than_its_camera() -> None:
     with pytest.raises(InputError, match=r"depth image: expected 6 x 8 pixels, got \(8, 6\)"):
-        views = [(np.ones((8, 6)), Camera(np.eye(3), np.eye(4), 8, 6))]
+        views = [View(np.ones((8, 6)), Camera(np.eye(3), np.eye(4), 8, 6))]
         scene_of_views(views, settings(SceneConfig), SENSING, np.random.default_rng(0))
 
 

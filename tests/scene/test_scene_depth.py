@@ -13,6 +13,7 @@ from PIL import Image
 from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
 from spgf_torch.scene.depth import camera_of, every, learned_stride, read_depth, read_intrinsics, read_mask, read_poses
 from spgf_torch.scene.scene import Scene, read_scene, scene_of_views
+from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, cast, look_at
 from spgf_torch.sensing.texlets import extract
 
@@ -134,7 +135,7 @@ def test_the_stride_suits_what_is_in_the_crop_box() -> None:
     depth[:30] = 0.35
     camera = Camera(np.array([[575.0, 0, 59.5], [0, 575.0, 39.5], [0, 0, 1]]), np.eye(4), 120, 80)
     notes = [
-        scene_of_views([(depth, camera)], settings(SceneConfig, **box), SENSING, np.random.default_rng(0)).notes[0]
+        scene_of_views([View(depth, camera)], settings(SceneConfig, **box), SENSING, np.random.default_rng(0)).notes[0]
         for box in ({}, {"crop_high": [1.0, 1.0, 1.0]})
     ]
     assert notes == [f"stride: every {n} pixels of the depth images" for n in (1, 4)]
