@@ -294,7 +294,7 @@ FAR[0, 3] = 400.0
         ({"poses": ["one.npy", "far.npy"]}, "poses: expected cameras within 10 m of the origin, got 400; mm"),
         ({"mask": ["small.png"]}, r"mask: expected one image a depth image \(2\), got 1"),
         ({"mask": ["small.png"] * 2}, r"small.png: expected \(80, 100\) pixels as .*0.png has, got \(8, 9\)"),
-        ({"mask": ["empty.png"] * 2}, "empty.png: expected pixels above 0, which are kept; got none"),
+        ({"mask": ["empty.png"] * 2}, "empty.png: expected pixels above 0, which mark the target; got none"),
         ({"depth_scale": 1.0}, r"0.png: expected a median depth of 0\.01 to 10 m, got \d+ m; another depth_scale"),
         ({"depth_scale": 1e-6}, r"0.png: expected a median depth of 0\.01 to 10 m, got 0.000\d+ m"),
         ({"max_points": 100}, r"expected at most 100 pixels \(max_points\)"),
