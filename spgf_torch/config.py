@@ -106,7 +106,7 @@ class SceneConfig:
     """People's own data: the input files and how they become texlets (lengths here in metres, whatever `unit` says)."""
 
     input: Any = text()
-    unit: str = choice("m", "mm")
+    unit: str = choice("m", "cm", "mm")
     min_extent: float = bounded(0.0001, 1.0)
     max_extent: float = bounded(0.1, 1000.0)
     max_points: int = bounded(1, 1_000_000_000)
@@ -114,7 +114,8 @@ class SceneConfig:
     intrinsics: Any = text()
     poses: Any = text()
     mask: Any = text()
-    depth_scale: float = bounded(1e-6, 1.0)
+    segments: Any = text()
+    depth_scale: float | None = bounded(1e-6, 1.0)
     stride: int | None = text()
     mesh: str = choice("sensed", "whole")
     mesh_pitch: float = bounded(0.0005, 0.01)
@@ -514,7 +515,7 @@ def _check(config: Any, prefix: str) -> None:
             _check(value, name + ".")
         elif "range" in entry.metadata:
             low, high = entry.metadata["range"]
-            if not low <= value <= high:
+            if value is not None and not low <= value <= high:
                 raise InputError(f"{name}: expected a number from {low:g} to {high:g}, got {value}")
         elif "choice" in entry.metadata and value not in entry.metadata["choice"]:
             raise InputError(f"{name}: expected one of {', '.join(entry.metadata['choice'])}; got {value}")

@@ -28,6 +28,7 @@ LONGEST_REASON = 120  # characters of a library's own words
 # Bytes of a Parquet column chunk beyond those of its rows: a dictionary of words, statistics.
 CHUNK = 1 << 20
 LONGEST_WORD = 200
+MOST_MEMBERS = 1000  # arrays of a .npz file that are looked at
 WIDEST = 64  # bytes of one value in a column
 
 
@@ -74,7 +75,11 @@ def json_of(content: str | bytes, path: Path, what: str) -> Any:
 
 def yaml_values(path: Path, what: str) -> Any:
     """The content of a YAML file that should be `what`: plain values; no tag makes an object."""
-    content = text(path, what, LARGEST_YAML)
+    return yaml_of(text(path, what, LARGEST_YAML), path, what)
+
+
+def yaml_of(content: str, path: Path, what: str) -> Any:
+    """The same for YAML that stands in the file `path`."""
     try:
         return yaml.load(content, _BoundedLoader)
     except Exception as error:  # beside its own errors PyYAML lets through whatever a scalar's constructor raises
@@ -135,6 +140,8 @@ def npy_array(path: Path) -> np.ndarray:
     except InputError:
         raise
     except Exception as error:  # numpy lets through what the parser of the header raises
+        if "Python objects" in str(error) or _starts_with_pickle(path):
+            raise _pickled(path) from None
         raise unreadable(path, "a whole numpy file of numbers", error, "a damaged one") from None
     return array
 
@@ -157,6 +164,40 @@ def npz_arrays(path: Path, names: Sequence[str], most: int) -> dict[str, np.ndar
     return arrays
 
 
+def npz_headers(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype]]:
+    """Shape and type of each array of a .npz file, as their headers say; none is unpacked."""
+    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    headers = {}
+    try:
+        with zipfile.ZipFile(existing(path)) as archive:
+            for info in archive.infolist()[:MOST_MEMBERS]:
+                if info.filename.endswith(".npy"):
+                    with archive.open(info) as stream:
+                        shape, _, dtype = readers[np.lib.format.read_magic(stream)](stream)
+                    headers[Path(info.filename).stem] = (shape, dtype)
+    except InputError:
+        raise
+    except Exception as error:  # zip, its compressions and numpy each have errors of their own
+        if _starts_with_pickle(path):
+            raise _pickled(path) from None
+        raise unreadable(path, "a whole numpy file of numbers", error, "a damaged one") from None
+    return headers
+
+
+def _starts_with_pickle(path: Path) -> bool:
+    """Whether a file begins as pickles of the protocols 2 to 5 do."""
+    with path.open("rb") as stream:
+        head = stream.read(2)
+    return len(head) == 2 and head[0] == 0x80 and 2 <= head[1] <= 5
+
+
+def _pickled(path: Path) -> InputError:
+    return InputError(
+        f"{path}: expected arrays of numbers, got pickled Python objects, which can run code when they are read; if you "
+        "trust the file, load it with numpy and write its arrays with np.savez"
+    )
+
+
 def _member(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo, most: int) -> np.ndarray:
     """An array of an archive; its header is read and believed only as far as the bytes that there are."""
     readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
@@ -164,7 +205,7 @@ def _member(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo, most: i
         shape, fortran, dtype = readers[np.lib.format.read_magic(stream)](stream)
         count, start = math.prod(shape), stream.tell()
         if dtype.hasobject:
-            raise ValueError("an array of objects")
+            raise _pickled(path)
         if count > most:
             raise InputError(f"{path}: {info.filename}: expected at most {most} numbers, got {count}")
         if info.file_size != start + count * dtype.itemsize:

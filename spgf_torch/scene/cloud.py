@@ -13,6 +13,8 @@ from spgf_torch.geometry.principal import principal_axes
 
 # Normals of a file may be rounded; longer or shorter by more, the columns are something else, such as colours.
 _LENGTH_TOLERANCE = 0.1
+# Shorter is a normal that says nothing, such as the zeros that Gaussian splats carry.
+_NO_LENGTH = 1e-6
 
 
 @dataclass(frozen=True)
@@ -61,47 +63,61 @@ def check_count(path: Path, count: int, limit: int) -> None:
         raise InputError(f"{path}: expected at most {limit} points (max_points), got {count}; thin them first")
 
 
-def checked(cloud: Cloud, organised: bool) -> Cloud:
-    """The cloud's usable points as float64, with normals of length 1.
+def checked(cloud: Cloud) -> Cloud:
+    """The cloud's usable points as float64, with normals of length 1; what is left out is told in its notes.
 
-    Args:
-        organised: the points are pixels of an image, where NaN and (0, 0, 0) say that nothing was measured: dropped.
+    NaN, infinity and (0, 0, 0) are what sensors and their drivers write where nothing was measured: such points are
+    left out. So are points without a usable normal (NaN, infinite, of length 0) where most have one; where most have
+    none, the cloud has no normals.
 
     Raises:
-        InputError: arrays not (N, 3), no points, NaN (not organised), infinity, normals of length 0 or not 1.
+        InputError: arrays of other shapes, no point with a reading, viewpoints that are not finite, normals of
+            another length than 1.
     """
-    name = cloud.name
-    for what, values in (("points", cloud.points), ("normals", cloud.normals), ("viewpoints", cloud.viewpoints)):
-        length = len(cloud) if what == "normals" else "N"
-        if values is not None and (values.ndim != 2 or values.shape[1] != 3 or length not in ("N", len(values))):
-            raise InputError(f"{name}: expected {what} of shape ({length}, 3), got {values.shape}")
+    _check_shapes(cloud)
     cloud = replace(cloud, points=cloud.points.astype(np.float64, copy=False))
-    columns = [cloud.points] if cloud.normals is None else [cloud.points, cloud.normals]
-    if organised:
-        measured = ~np.any([np.isnan(c).any(axis=1) for c in columns], axis=0) & (cloud.points != 0).any(axis=1)
-        if not measured.any():
-            raise InputError(f"{name}: expected points, got none: all {len(cloud)} pixels are NaN or zero")
-        cloud = cloud.select(measured)
     if not len(cloud):
-        raise InputError(f"{name}: expected points, got none")
+        raise InputError(f"{cloud.name}: expected points, got none")
+    if cloud.viewpoints is not None and not np.isfinite(cloud.viewpoints).all():
+        bad = int((~np.isfinite(cloud.viewpoints)).any(axis=1).sum())
+        raise InputError(f"{cloud.name}: expected finite viewpoints, got {bad} with NaN or infinity")
+    measured = np.isfinite(cloud.points).all(axis=1) & (cloud.points != 0).any(axis=1)
+    if not measured.any():
+        raise InputError(f"{cloud.name}: expected points, got none: all {len(cloud)} are NaN, infinite or 0 0 0")
+    if not measured.all():
+        without = len(measured) - int(measured.sum())
+        note = f"{without} of {len(measured)} points without a reading (NaN, infinite or 0 0 0) left out"
+        cloud = replace(cloud.select(measured), notes=(*cloud.notes, note))
+    return cloud if cloud.normals is None else _with_unit_normals(cloud, cloud.normals.astype(np.float64, copy=False))
+
+
+def _check_shapes(cloud: Cloud) -> None:
+    count = len(cloud)
     for what, values in (("points", cloud.points), ("normals", cloud.normals), ("viewpoints", cloud.viewpoints)):
-        bad = 0 if values is None else int((~np.isfinite(values)).any(axis=1).sum())
-        if bad:
-            raise InputError(f"{name}: expected finite {what}, got {bad} with NaN or infinity; remove them first")
-    return cloud if cloud.normals is None else replace(cloud, normals=_unit(name, cloud.normals))
+        length = count if what == "normals" else "N"
+        if values is not None and (values.ndim != 2 or values.shape[1] != 3 or length not in ("N", len(values))):
+            raise InputError(f"{cloud.name}: expected {what} of shape ({length}, 3), got {values.shape}")
+    if cloud.labels is not None and cloud.labels.shape != (count,):
+        raise InputError(f"{cloud.name}: expected a label for each of {count} points, got shape {cloud.labels.shape}")
 
 
-def _unit(name: str, normals: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    zero = int((length == 0).sum())
-    if zero:
-        raise InputError(f"{name}: expected normals of length 1, got {zero} of {len(normals)} with length 0")
+def _with_unit_normals(cloud: Cloud, normals: np.ndarray) -> Cloud:
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(normals, axis=1)
+    usable = np.isfinite(length) & (length > _NO_LENGTH)
+    unusable = f"normals NaN, infinite or of length 0 in {int((~usable).sum())} of {len(usable)} points"
+    if 2 * int(usable.sum()) < len(usable):
+        note = f"{unusable}: estimated instead, which needs a viewpoint"
+        return replace(cloud, normals=None, notes=(*cloud.notes, note))
+    length = length[usable]
     if np.abs(length - 1).max() > _LENGTH_TOLERANCE:
         raise InputError(
-            f"{name}: expected normals of length 1, got lengths of {length.min():.3g} to {length.max():.3g} "
+            f"{cloud.name}: expected normals of length 1, got lengths of {length.min():.3g} to {length.max():.3g} "
             "(colours? then give x y z alone)"
         )
-    return normals / length
+    if not usable.all():
+        cloud = replace(cloud.select(usable), notes=(*cloud.notes, f"{unusable}: these points left out"))
+    return replace(cloud, normals=normals[usable] / length[:, None])
 
 
 def voxel_means(cloud: Cloud, voxel: float) -> Cloud:

@@ -82,7 +82,7 @@ def read_pcd(path: Path, limit: int) -> Cloud:
     known = header.viewpoint != _IDENTITY or len(wanted) == 3
     viewpoints = np.array([header.viewpoint[:3]]) if known else None
     cloud = Cloud(columns[:, :3], columns[:, 3:] if len(wanted) == 6 else None, viewpoints, str(path))
-    return checked(cloud, organised=header.height > 1)
+    return checked(cloud)
 
 
 def _header(path: Path, content: bytes) -> Header:

@@ -14,6 +14,7 @@ from spgf_torch.config import InputError, SceneConfig, SensingConfig
 from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, checked, vectors, voxel_means
 from spgf_torch.scene.depth import every, learned_stride, pixel_points, surface
+from spgf_torch.scene.depth_files import is_depth
 from spgf_torch.scene.files import read_cloud
 from spgf_torch.scene.meshes import is_mesh, sampled, sensed
 from spgf_torch.scene.normals import neighbourhoods, oriented
@@ -60,7 +61,7 @@ def read_scene(config: SceneConfig, sensing: SensingConfig, generator: np.random
     if not config.input:
         raise InputError("input: expected a point cloud, depth image or mesh (input=FILE), got none")
     paths = files_of("input", config.input)
-    if config.intrinsics is not None or any(path.suffix.lower() == ".png" for path in paths):
+    if any(is_depth(path, config) for path in paths):
         _unused(config, "viewpoints", "point clouds")
         return scene_of_views(read_views(paths, config), config, sensing, generator)
     for key in ("poses", "mask", "stride"):
@@ -95,7 +96,7 @@ def scene_of_clouds(
     if config.viewpoints is not None:
         viewpoints = vectors("viewpoints", config.viewpoints, (None, 3))
         clouds = [replace(cloud, viewpoints=viewpoints) for cloud in clouds]
-    clouds = [checked(cloud, organised=False) for cloud in clouds]
+    clouds = [checked(cloud) for cloud in clouds]
     read = sum(map(len, clouds))
     clouds, notes = cropped(clouds, config)
     _check_near(clouds)

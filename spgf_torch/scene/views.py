@@ -9,7 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from spgf_torch.config import InputError, SceneConfig, find
-from spgf_torch.scene.depth import camera_of, check_depth, read_depth, read_intrinsics, read_mask, read_poses
+from spgf_torch.scene.depth import camera_of, check_depth
+from spgf_torch.scene.depth_files import DepthFile, in_metres, read_depth_file
+from spgf_torch.scene.intrinsics import Intrinsics, given_intrinsics, read_intrinsics
+from spgf_torch.scene.labels import fitting, marked, numbered, read_labels, read_mask
+from spgf_torch.scene.poses import read_poses
 from spgf_torch.sensing.cameras import Camera
 
 
@@ -33,54 +37,94 @@ class View:
 
 
 def read_views(paths: Sequence[Path], config: SceneConfig) -> list[View]:
-    """The depth images with their cameras, whose poses are T_input_camera, and with what `mask` marks as target 1.
+    """The depth images with their cameras, whose poses are T_input_camera, and with what is a target in them.
+
+    `config.mask` marks target 1; `config.segments` numbers several.
 
     Raises:
-        InputError: as the readers of `scene.depth`; fewer or more intrinsics, poses or masks than images; sizes of
-            image, K and mask that differ.
+        InputError: as the readers of `depth_files`, `intrinsics`, `poses` and `labels`; fewer or more intrinsics, poses
+            or masks than images; sizes of image, K and mask that differ.
     """
-    if config.intrinsics is None:
-        raise InputError(f"intrinsics: expected the file of K for the depth image {paths[0]}, got none")
     count = len(paths)
-    cameras = [read_intrinsics(path) for path in files_of("intrinsics", config.intrinsics)]
-    if len(cameras) not in (1, count):
-        raise InputError(f"intrinsics: expected one file, or one a depth image ({count}), got {len(cameras)}")
-    cameras = cameras * count if len(cameras) == 1 else cameras
-    masks = [] if config.mask is None else files_of("mask", config.mask)
-    if masks and len(masks) != count:
-        raise InputError(f"mask: expected one image a depth image ({count}), got {len(masks)}")
-    views = []
-    for i, (path, T) in enumerate(zip(paths, _poses(config, count), strict=True)):
-        depth = read_depth(path, config.depth_scale, config.unit, config.max_points)
+    marks = files_of_marks(config, count, "a depth image")
+    poses, pose_notes = _poses(config, count)
+    views, pixels = [], 0
+    for i, path in enumerate(paths):
+        file = read_depth_file(path, config.max_points)
+        given = _intrinsics(config, path, i, count, file)
+        depth, notes = in_metres(file, config.depth_scale, config.unit, given)
+        if not (np.isfinite(depth) & (depth > 0)).any():
+            raise InputError(f"{path}: expected pixels with a depth, got none of {depth.size}")
         check_depth(depth, str(path), config.min_extent, config.max_extent)
-        labels = None
-        if masks:
-            keep = read_mask(masks[i], config.max_points)
-            if keep.shape != depth.shape:
-                raise InputError(f"{masks[i]}: expected {depth.shape} pixels as {path} has, got {keep.shape}")
-            if not keep.any():
-                raise InputError(f"{masks[i]}: expected pixels above 0, which mark the target; got none")
-            labels = keep.astype(np.int32)
-        views.append(View(depth, camera_of(depth, *cameras[i], T, str(path)), labels, str(path)))
-    if sum(view.depth.size for view in views) > config.max_points:
-        raise InputError(
-            f"input: expected at most {config.max_points} pixels (max_points), got more; give fewer images"
-        )
+        camera, camera_notes = camera_of(depth, given, poses[i], str(path))
+        labels, label_notes = labels_of(marks, i, depth.shape, str(path), config.max_points)
+        every = (*file.notes, *camera_notes, *notes, *(pose_notes if i == 0 else ()), *label_notes)
+        views.append(View(depth, camera, labels, str(path), every))
+        pixels += depth.size
+        if pixels > config.max_points:
+            raise InputError(
+                f"input: expected at most {config.max_points} pixels (max_points), got more; give fewer images"
+            )
     return views
 
 
-def _poses(config: SceneConfig, count: int) -> np.ndarray:
+def _intrinsics(config: SceneConfig, path: Path, index: int, count: int, file: DepthFile) -> Intrinsics:
+    """The intrinsics of one depth image: those of the setting, else those in its own file."""
+    given = config.intrinsics
+    if given is None:
+        if file.intrinsics is None:
+            raise InputError(f"intrinsics: expected the file of K for the depth image {path}, got none")
+        return file.intrinsics
+    if isinstance(given, list | tuple) and given and not any(isinstance(each, str | Path) for each in given):
+        return given_intrinsics(given)
+    files = files_of("intrinsics", given)
+    if len(files) not in (1, count):
+        raise InputError(f"intrinsics: expected one file, or one a depth image ({count}), got {len(files)}")
+    return read_intrinsics(files[0 if len(files) == 1 else index], path)
+
+
+def files_of_marks(config: SceneConfig, count: int, what: str) -> tuple[str, list[Path]]:
+    """Which of mask and segments is set ("" for neither), and its files, one for each of `count` inputs."""
+    if config.mask is not None and config.segments is not None:
+        raise InputError("mask: expected mask or segments, got both; segments numbers several targets, mask marks one")
+    for key in ("mask", "segments"):
+        if (given := getattr(config, key)) is not None:
+            files = files_of(key, given)
+            if len(files) != count:
+                raise InputError(f"{key}: expected one file {what} ({count}), got {len(files)}")
+            return key, files
+    return "", []
+
+
+def labels_of(
+    marks: tuple[str, list[Path]], index: int, shape: tuple[int, ...], whose: str, limit: int
+) -> tuple[np.ndarray | None, tuple[str, ...]]:
+    """int32 labels of one input's pixels or points, in its shape, and lines on them; None where none are set.
+
+    Args:
+        marks: see `files_of_marks`.
+    """
+    key, files = marks
+    if not key:
+        return None, ()
+    name = str(files[index])
+    if key == "mask":
+        return marked(name, fitting(name, read_mask(files[index], limit), shape, whose))
+    return numbered(name, fitting(name, read_labels(files[index], limit), shape, whose)), ()
+
+
+def _poses(config: SceneConfig, count: int) -> tuple[np.ndarray, tuple[str, ...]]:
     if config.poses is None:
         if count > 1:
             raise InputError(f"poses: expected T_input_camera of each of the {count} depth images, got none")
-        return np.eye(4)[None]
-    poses = read_poses(files_of("poses", config.poses))
+        return np.eye(4)[None], ()
+    poses, notes = read_poses(files_of("poses", config.poses))
     if len(poses) != count:
         raise InputError(f"poses: expected one a depth image ({count}), got {len(poses)}")
     far = float(np.abs(poses[:, :3, 3]).max())
     if far > config.max_extent:
         raise InputError(f"poses: expected cameras within {config.max_extent:g} m of the origin, got {far:.4g}; mm?")
-    return poses
+    return poses, notes
 
 
 def files_of(name: str, given: object) -> list[Path]:

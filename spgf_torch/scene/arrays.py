@@ -1,0 +1,115 @@
+"""Clouds and depth images that are in memory, treated as those in files."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from spgf_torch.config import InputError
+from spgf_torch.scene.cloud import Cloud, checked
+from spgf_torch.scene.depth import camera_of
+from spgf_torch.scene.depth_files import DepthFile, counts_array, flat, in_metres
+from spgf_torch.scene.intrinsics import Intrinsics, checked_K
+from spgf_torch.scene.labels import fitting, label_array, marked, numbered
+from spgf_torch.scene.poses import checked_pose
+from spgf_torch.scene.views import View
+
+
+def cloud_of_arrays(
+    points: Any, normals: Any = None, viewpoints: Any = None, labels: Any = None, name: str = "points"
+) -> Cloud:
+    """The usable points of a cloud in memory, as `read_cloud` gives those of a file.
+
+    Args:
+        points: (N, 3), or (H, W, 3) as a camera's image of points, m; NaN, infinity and (0, 0, 0): no reading.
+        normals: in the shape of the points, of length 1, out of the surface; None: not known.
+        viewpoints: (V, 3) or (3,), where it was seen from, m, same frame; None: not known.
+        labels: (N,) or (H, W) whole numbers, the target that each point is of, 0: an obstacle; None: all one target.
+        name: for errors.
+
+    Raises:
+        InputError: other shapes, no numbers, no point with a reading, normals of another length than 1.
+    """
+    array = _floats(name, points)
+    if array.ndim not in (2, 3) or array.shape[-1] != 3:
+        hint = "; transpose it" if array.ndim == 2 and array.shape[0] == 3 else ""
+        raise InputError(f"{name}: expected shape (N, 3) or (H, W, 3), got {array.shape}{hint}")
+    turned = None if normals is None else _floats(f"{name}: normals", normals)
+    if turned is not None and turned.shape != array.shape:
+        raise InputError(f"{name}: expected points and normals of one shape, got {array.shape} and {turned.shape}")
+    eyes = None if viewpoints is None else np.atleast_2d(_floats(f"{name}: viewpoints", viewpoints))
+    targets = None
+    if labels is not None:
+        what = f"{name}: labels"
+        targets = numbered(what, fitting(what, label_array(what, np.asarray(labels)), array.shape[:-1], "the cloud"))
+    cloud = Cloud(
+        array.reshape(-1, 3),
+        None if turned is None else turned.reshape(-1, 3),
+        eyes,
+        name,
+        None if targets is None else targets.ravel(),
+        pixels_of(array.shape),
+    )
+    return checked(cloud)
+
+
+def pixels_of(shape: tuple[int, ...]) -> np.ndarray | None:
+    """(H * W, 2) int32 row and column of each point of an image of points (H, W, 3), one after another; else None."""
+    return np.indices(shape[:2], dtype=np.int32).reshape(2, -1).T if len(shape) == 3 else None
+
+
+def view_of_arrays(
+    depth: Any,
+    K: Any,  # noqa: N803
+    T_input_camera: Any = None,  # noqa: N803
+    mask: Any = None,
+    segments: Any = None,
+    depth_scale: float | None = None,
+    name: str = "depth image",
+) -> View:
+    """A depth image in memory, as `read_views` gives that of a file.
+
+    Args:
+        depth: (H, W), (H, W, 1) or (1, H, W): floats in m, or whole numbers of 16 bits or more, which are counts;
+            0, negative, not finite and, of 16 bits, 65535: no return.
+        K: (3, 3) in pixels of the rectified image, or fx, fy, cx, cy.
+        T_input_camera: (4, 4) pose of the camera, m; None: the input's frame is the camera's.
+        mask: (H, W), not 0: target 1, 0: an obstacle; None: all is the target.
+        segments: (H, W) whole numbers, each above 0 a target of its own; not together with `mask`.
+        depth_scale: m per count; None: 0.001.
+        name: for errors.
+
+    Raises:
+        InputError: other shapes, no numbers, no pixel with a depth, a K of another image, a pose that is not rigid.
+    """
+    if mask is not None and segments is not None:
+        raise InputError(f"{name}: expected mask or segments, got both")
+    image = flat(name, np.asarray(depth))
+    file = DepthFile(image, counts_array(name, image))
+    values, notes = in_metres(file, depth_scale, "m", None)
+    if not (np.isfinite(values) & (values > 0)).any():
+        raise InputError(f"{name}: expected pixels with a depth, got none of {values.size}")
+    T = np.eye(4) if T_input_camera is None else checked_pose(f"{name}: T_input_camera", _floats(name, T_input_camera))
+    camera, more = camera_of(values, Intrinsics(checked_K(f"{name}: K", _floats(f"{name}: K", K))), T, name)
+    notes = [*notes, *more]
+    labels = None
+    if mask is not None:
+        what = f"{name}: mask"
+        labels, told = marked(what, fitting(what, np.asarray(mask) != 0, values.shape, name))
+        notes.extend(told)
+    elif segments is not None:
+        what = f"{name}: segments"
+        labels = numbered(what, fitting(what, label_array(what, np.asarray(segments)), values.shape, name))
+    return View(values, camera, labels, name, tuple(notes))
+
+
+def _floats(name: str, values: Any) -> np.ndarray:
+    """A float64 array; InputError where there are no numbers."""
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind not in "fiu":
+            raise TypeError
+        return array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # RuntimeError: a tensor that requires gradients
+        raise InputError(f"{name}: expected an array of numbers, got {type(values).__name__}") from None
