@@ -12,6 +12,7 @@ import numpy as np
 import trimesh
 
 from spgf_torch.config import InputError
+from spgf_torch.objects.ply import read_header
 from spgf_torch.reading import LARGEST_JSON, existing, json_of, unreadable
 
 # A scene may show one mesh many times over: a file of a megabyte could stand for billions of triangles.
@@ -26,12 +27,18 @@ def mesh_arrays(path: Path) -> tuple[np.ndarray, np.ndarray]:
     Raises InputError, which names the file, for one that is damaged, has triangles of vertices that it lacks, or
     stands for more than `MOST_FACES` triangles.
     """
-    if existing(path).suffix.lower() == ".glb":
+    kind = existing(path).suffix.lower().removeprefix(".")
+    settings: dict[str, Any] = {}
+    if kind == "glb":
         _check_glb(path)
+    elif kind == "ply":
+        read_header(path)  # which names what trimesh would call damaged
+        settings["fix_texture"] = False  # it gives each corner of a face a vertex of its own
     try:
         with path.open("rb") as stream:
-            kind = path.suffix.lower().removeprefix(".")
-            scene = trimesh.load_scene(stream, kind, resolver=_NoOtherFile(), process=False, skip_materials=True)
+            scene = trimesh.load_scene(
+                stream, kind, resolver=_NoOtherFile(), process=False, skip_materials=True, **settings
+            )
         if (count := sum(_faces(scene))) > MOST_FACES:
             raise InputError(f"{path}: expected at most {MOST_FACES} faces, got {count}")
         loaded = scene.to_geometry()
@@ -41,7 +48,7 @@ def mesh_arrays(path: Path) -> tuple[np.ndarray, np.ndarray]:
         raise
     except Exception as error:  # each format's reader raises its own kinds for a damaged file
         raise unreadable(path, f"a {path.suffix} mesh", error, "a damaged file") from error
-    if path.suffix.lower() == ".ply":
+    if kind == "ply":
         header = ply_header(path)
         said, got = (declared(header, "vertex"), declared(header, "face")), (len(vertices), len(faces))
         if got[0] != said[0] or got[1] < said[1]:  # faces of more than three corners become several

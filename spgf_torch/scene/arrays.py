@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from spgf_torch.config import InputError
-from spgf_torch.scene.cloud import Cloud, checked
+from spgf_torch.scene.cloud import Cloud, checked, pixels_of
 from spgf_torch.scene.depth import camera_of
 from spgf_torch.scene.depth_files import DepthFile, counts_array, flat, in_metres
 from spgf_torch.scene.intrinsics import Intrinsics, checked_K
@@ -52,11 +52,6 @@ def cloud_of_arrays(
         pixels_of(array.shape),
     )
     return checked(cloud)
-
-
-def pixels_of(shape: tuple[int, ...]) -> np.ndarray | None:
-    """(H * W, 2) int32 row and column of each point of an image of points (H, W, 3), one after another; else None."""
-    return np.indices(shape[:2], dtype=np.int32).reshape(2, -1).T if len(shape) == 3 else None
 
 
 def view_of_arrays(

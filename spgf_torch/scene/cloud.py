@@ -55,6 +55,11 @@ class Cloud:
         return replace(self, points=self.points * factor, viewpoints=viewpoints)
 
 
+def pixels_of(shape: tuple[int, ...]) -> np.ndarray | None:
+    """(H * W, 2) int32 row and column of each point of an image of points (H, W, 3), one after another; else None."""
+    return np.indices(shape[:2], dtype=np.int32).reshape(2, -1).T if len(shape) == 3 else None
+
+
 def check_count(path: Path, count: int, limit: int) -> None:
     """InputError for no points or for more than `limit`."""
     if count == 0:

@@ -1,158 +1,190 @@
-"""Point cloud files: which format a file is, and PLY, text and numpy's formats."""
+"""Point cloud files: which format a file is, PLY and numpy's formats, and what in them is a target."""
 
 from __future__ import annotations
 
-import re
-import warnings
-from collections.abc import Iterable
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from trimesh.exchange.ply import load_ply
 
-from spgf_torch.config import InputError
-from spgf_torch.objects.mesh_files import declared, ply_header
-from spgf_torch.reading import existing, npy_array, npz_arrays, reason
-from spgf_torch.scene.cloud import Cloud, check_count, checked
+from spgf_torch.config import InputError, SceneConfig
+from spgf_torch.objects.ply import read_elements, read_header
+from spgf_torch.objects.scans import METRES
+from spgf_torch.reading import existing, npy_array, npz_arrays, npz_headers
+from spgf_torch.scene.cloud import Cloud, check_count, checked, pixels_of
+from spgf_torch.scene.columns import Layout, layout_by_values, named_layout
 from spgf_torch.scene.pcd import read_pcd
+from spgf_torch.scene.tables import TEXT, read_table
+from spgf_torch.scene.views import files_of_marks, labels_of
 
-TEXT = (".xyz", ".xyzn", ".txt", ".csv", ".asc")
 NUMPY = (".npy", ".npz")
-_MOST_COLUMNS = 100
 CLOUDS = (".ply", ".pcd", *TEXT, *NUMPY)
+_POINTS = ("points", "xyz", "pc", "pcd", "point_cloud", "pointcloud", "cloud", "vertices", "arr_0")
+_NORMALS = ("normals", "normal")
+_VIEWPOINTS = ("viewpoints", "viewpoint")
+
+
+def read_clouds(paths: Sequence[Path], config: SceneConfig) -> list[Cloud]:
+    """The point clouds in files, in m, with what `config.mask` or `config.segments` mark as targets.
+
+    Raises:
+        InputError: as `read_cloud`; a mask or segments that are not one value a point of the file.
+    """
+    marks = files_of_marks(config, len(paths), "a cloud")
+    clouds = []
+    for i, path in enumerate(paths):
+        cloud, unit = _as_written(path, config.max_points)
+        shape: tuple[int, ...] = (len(cloud),)
+        if cloud.pixels is not None and marks[0]:
+            shape = (int(cloud.pixels[-1, 0]) + 1, int(cloud.pixels[-1, 1]) + 1)
+        labels, notes = labels_of(marks, i, shape, str(path), config.max_points)
+        if labels is not None:
+            cloud = replace(cloud, labels=labels.ravel(), notes=(*cloud.notes, *notes))
+        metres, note = _metres(path, unit, config.unit)
+        clouds.append(checked(replace(cloud, notes=(*cloud.notes, *note))).scaled(metres))
+    return clouds
 
 
 def read_cloud(path: Path, limit: int) -> Cloud:
     """A point cloud as a file has it: in its unit and frame, normals and viewpoints where it has them.
 
-    Formats: .ply; .pcd (ascii, binary, binary_compressed); text with the columns x y z [nx ny nz] or a line of column
-    names; .npy (N, 3), (N, 6) or an image (H, W, 3 or 6) of points; .npz with such `points` and, if known, `normals`
-    and `viewpoints`. In an image of points NaN and (0, 0, 0) mean that nothing was measured.
+    Formats: .ply, its vertices; .pcd (ascii, binary, binary_compressed); text with the columns x y z [nx ny nz] or a
+    line of column names; .npy (N, 3), (N, 6), an image (H, W, 3) of points, or with fields x, y, z; .npz with such
+    `points` (or xyz, pc, ...) and, if known, `normals` and `viewpoints`.
 
     Args:
         limit: points at most.
 
     Raises:
-        InputError, which names the file: none of these formats, damaged, cut, no points, too many, NaN or infinite
-            values, normals not of length 1.
+        InputError, which names the file: none of these formats, damaged, cut, no points, too many, normals not of
+            length 1, columns that cannot be told.
     """
+    return checked(_as_written(path, limit)[0])
+
+
+def _as_written(path: Path, limit: int) -> tuple[Cloud, str | None]:
+    """All points of a file, those without a reading too, and the unit that it states, if it does."""
     existing(path)
     suffix = path.suffix.lower()
     if suffix == ".pcd":
-        return read_pcd(path, limit)
+        return read_pcd(path, limit), None
     if suffix == ".ply":
-        return _ply(path, limit)
+        return _ply(path, limit), None
     if suffix in TEXT:
-        return _text(path, limit)
+        return read_table(path, limit)
     if suffix in NUMPY:
-        return _numpy(path, limit)
+        return _numpy(path, limit), None
     raise InputError(f"{path}: expected a point cloud ({', '.join(CLOUDS)}), got {suffix or 'no suffix'}")
 
 
+def _metres(path: Path, stated: str | None, unit: str) -> tuple[float, tuple[str, ...]]:
+    """m a unit of the file: what its column names state, which the setting must not contradict, else the setting."""
+    if stated is None or stated == unit:
+        return METRES[unit], ()
+    if unit != "m":
+        raise InputError(f"{path}: expected coordinates in {unit} (unit={unit}), got column names that state {stated}")
+    return METRES[stated], (f"coordinates in {stated}, as the names of the columns state",)
+
+
 def _ply(path: Path, limit: int) -> Cloud:
-    header = ply_header(path)
-    count = declared(header, "vertex")
+    header = read_header(path)
+    count = next((element.count for element in header.elements if element.name == "vertex"), 0)
     check_count(path, count, limit)
-    try:
-        with path.open("rb") as stream:
-            loaded = load_ply(stream, skip_materials=True)
-        points = np.asarray(loaded["vertices"], dtype=np.float64)
-        with_normals = all(re.search(rf"^property \w+ {name}\s*$", header, re.MULTILINE) for name in ("nx", "ny", "nz"))
-        normals = np.asarray(loaded["vertex_normals"], dtype=np.float64) if with_normals else None
-    except Exception as error:  # trimesh raises many kinds for a damaged file
-        raise InputError(
-            f"{path}: expected a whole .ply point cloud, got a damaged or cut file ({reason(error)})"
-        ) from error
-    if len(points) != count:
-        raise InputError(f"{path}: expected {count} points as its header says, got {len(points)}: the file is cut")
-    return checked(Cloud(points, normals, None, str(path)), organised=False)
-
-
-def _text(path: Path, limit: int) -> Cloud:
-    try:
-        with path.open(encoding="utf-8-sig") as stream:
-            names, delimiter, skipped = _layout(stream)
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message=".*contained no data")
-            table = np.loadtxt(
-                path,
-                delimiter=delimiter,
-                skiprows=skipped,
-                comments=("#", "//"),
-                ndmin=2,
-                max_rows=limit + 1,
-                encoding="utf-8-sig",
-            )
-    except ValueError as error:  # a word that is no number, rows of different length, not text
-        raise InputError(f"{path}: expected rows of numbers x y z [nx ny nz], got {reason(error)}") from None
-    if table.size:
-        table = _columns(path, table, names)
-    check_count(path, len(table), limit)
-    normals = table[:, 3:] if table.shape[1] == 6 else None
-    return checked(Cloud(table[:, :3], normals, None, str(path)), organised=False)
-
-
-def _layout(lines: Iterable[str]) -> tuple[list[str], str | None, int]:
-    """Column names ([] if none), delimiter (None: white space) and lines to skip of a table of numbers."""
-    for number, line in enumerate(lines):
-        text = line.strip()
-        if not text or text.startswith(("#", "//")):
-            continue
-        delimiter = next((mark for mark in ",;" if mark in text), None)
-        words = [word.strip().strip('"').lower() for word in text.split(delimiter)]
-        if len(words) > _MOST_COLUMNS:  # numpy makes room for as many in every row that there may be
-            raise ValueError(f"{len(words)} columns")
-        try:
-            [float(word) for word in words]
-        except ValueError:
-            return words, delimiter, number + 1
-        return [], delimiter, 0
-    return [], None, 0
-
-
-def _columns(path: Path, table: np.ndarray, names: list[str]) -> np.ndarray:
-    """x y z, and nx ny nz where there are, of a table."""
-    if not names and table.shape[1] in (3, 6):
-        return table
-    if not names:
-        raise InputError(
-            f"{path}: expected 3 columns x y z or 6 with normals (or a line of names), got {table.shape[1]}"
-        )
-    names = [re.sub("^normal_?(?=[xyz]$)", "n", name) for name in names]
-    if len(names) != table.shape[1] or not {"x", "y", "z"} <= set(names):
-        raise InputError(f"{path}: expected columns named x, y, z [nx, ny, nz]; got {', '.join(names)}")
-    wanted = ("x", "y", "z", "nx", "ny", "nz") if {"nx", "ny", "nz"} <= set(names) else ("x", "y", "z")
-    return table[:, [names.index(name) for name in wanted]]
+    elements = read_elements(path, header, ("vertex", "camera"))
+    vertex, camera = elements["vertex"], elements.get("camera", {})
+    if not {"x", "y", "z"} <= set(vertex):
+        raise InputError(f"{path}: expected vertices with properties x, y and z, got {', '.join(vertex) or 'none'}")
+    points = np.stack([vertex[axis] for axis in "xyz"], axis=1)
+    normals = None
+    for prefix in ("n", "normal_"):
+        if {prefix + axis for axis in "xyz"} <= set(vertex):
+            normals = np.stack([vertex[prefix + axis] for axis in "xyz"], axis=1)
+    viewpoint = np.array([camera.get(f"view_p{axis}", np.zeros(1))[:1] for axis in "xyz"]).reshape(1, -1)
+    known = viewpoint.size == 3 and np.isfinite(viewpoint).all() and viewpoint.any()  # PCL writes 0 0 0 for unknown
+    return Cloud(points, normals, viewpoint if known else None, str(path))
 
 
 def _numpy(path: Path, limit: int) -> Cloud:
     if path.suffix.lower() == ".npy":
-        arrays = {"points": npy_array(path)}
+        arrays, key, notes = {"points": npy_array(path)}, "points", ()
     else:
-        arrays = npz_arrays(path, ("points", "normals", "viewpoints"), 6 * limit)
-    points = _array(path, "points", arrays["points"])
-    organised = points.ndim == 3
-    check_count(path, int(np.prod(points.shape[:-1])), limit)
-    flat = np.array(points, dtype=np.float64).reshape(-1, points.shape[-1])
-    normals = flat[:, 3:] if flat.shape[1] == 6 else None
-    if "normals" in arrays:
-        given = _array(path, "normals", arrays["normals"])
-        if given.shape != points.shape or points.shape[-1] != 3:
+        key, notes = _points_key(path)
+        there = npz_headers(path)
+        beside = [name for name in (*_NORMALS, *_VIEWPOINTS) if name in there]
+        arrays = npz_arrays(path, (key, *beside), 10 * limit)
+    cloud = _columns(path, key, arrays[key], limit)
+    points = arrays[key]
+    given = next((arrays[name] for name in _NORMALS if name in arrays), None)
+    if given is not None:
+        if given.shape != points.shape or points.shape[-1:] != (3,):
             raise InputError(
                 f"{path}: expected points and normals of one shape (N, 3), got {points.shape} and {given.shape}"
             )
-        normals = np.array(given, dtype=np.float64).reshape(-1, 3)
-    viewpoints = None
-    if "viewpoints" in arrays:
-        viewpoints = np.array(_array(path, "viewpoints", arrays["viewpoints"]), dtype=np.float64)
-    return checked(Cloud(flat[:, :3], normals, viewpoints, str(path)), organised)
+        cloud = replace(cloud, normals=_float(path, "normals", given).reshape(-1, 3))
+    eyes = next((arrays[name] for name in _VIEWPOINTS if name in arrays), None)
+    if eyes is not None:
+        cloud = replace(cloud, viewpoints=np.atleast_2d(_float(path, "viewpoints", eyes)))
+    return replace(cloud, notes=(*notes, *cloud.notes))
 
 
-def _array(path: Path, name: str, array: np.ndarray) -> np.ndarray:
-    """`array`, if it holds numbers in the shape of points, (N, 3), (N, 6), (H, W, 3) or (H, W, 6)."""
-    if array.dtype.kind not in "fiu":
+def _points_key(path: Path) -> tuple[str, tuple[str, ...]]:
+    """The array of a .npz file that holds the points, and a line where it has another name."""
+    headers = npz_headers(path)
+    if "points" in headers:
+        return "points", ()
+    shaped = [
+        name
+        for name, (shape, dtype) in headers.items()
+        if name not in (*_NORMALS, *_VIEWPOINTS)
+        and (dtype.names or (len(shape) in (2, 3) and shape[-1] in (3, 4, 6) and dtype.kind == "f"))
+    ]
+    named = [name for name in _POINTS if name in headers]
+    if len(named) == 1 and (named[0] != "arr_0" or shaped == ["arr_0"]):
+        chosen = named[0]
+    elif len(shaped) == 1 and not named:
+        chosen = shaped[0]
+    else:
+        got = ", ".join(f"{name} {shape}" for name, (shape, _) in headers.items()) or "none"
+        raise InputError(f"{path}: expected an array named points, got {got}; save the points alone or by this name")
+    return chosen, (f"array {chosen} taken for the points",)
+
+
+def _columns(path: Path, name: str, array: np.ndarray, limit: int) -> Cloud:
+    """The points, and normals where there are, of an array (N, C), (H, W, C), or with fields."""
+    label = f"{path}: {name}"
+    layout: Layout | None = None
+    if array.dtype.names:
+        check_count(path, int(np.prod(array.shape)), limit)
+        if array.ndim == 2 and 1 in array.shape:
+            array = array.ravel()
+        fields = [
+            each for each in array.dtype.names if array.dtype[each].shape == () and array.dtype[each].kind in "fiu"
+        ]
+        layout = named_layout(label, fields)
+        picked = [fields[i] for i in (*layout.points, *(layout.normals or ()))]
+        layout = Layout((0, 1, 2), (3, 4, 5) if layout.normals else None)
+        array = np.stack([array[each].astype(np.float64) for each in picked], axis=-1)
+    most = 10 if array.ndim == 2 else 6
+    if array.ndim not in (2, 3) or not 3 <= array.shape[-1] <= most:
+        raise InputError(f"{label}: expected shape (N, 3), (N, 6) or (H, W, 3), got {array.shape}{_hint(array)}")
+    check_count(path, int(np.prod(array.shape[:-1])), limit)
+    flat = _float(path, name, array).reshape(-1, array.shape[-1])
+    if array.ndim == 2 and array.shape[0] == 3 and array.shape[1] in (4, 6):
+        raise InputError(f"{label}: expected shape (N, 3), got {array.shape}{_hint(array)}")
+    layout = layout or layout_by_values(label, flat, intensity=array.ndim == 3)
+    normals = None if layout.normals is None else flat[:, layout.normals]
+    return Cloud(flat[:, layout.points], normals, None, str(path), pixels=pixels_of(array.shape), notes=layout.notes)
+
+
+def _hint(array: np.ndarray) -> str:
+    if array.ndim == 2 and array.shape[0] in (3, 4, 6):
+        return "; transpose it"
+    return "; a depth image? then give intrinsics" if array.ndim == 2 else ""
+
+
+def _float(path: Path, name: str, array: np.ndarray) -> np.ndarray:
+    """A float64 copy of numbers; bytes, which are colours, and words are refused."""
+    if array.dtype.kind not in "fiu" or array.dtype.itemsize < 2:
         raise InputError(f"{path}: {name}: expected numbers, got {array.dtype}")
-    if array.ndim not in (2, 3) or array.shape[-1] not in (3, 6):
-        hint = "; a depth image? then give intrinsics" if array.ndim == 2 else ""
-        raise InputError(f"{path}: {name}: expected shape (N, 3), (N, 6) or (H, W, 3), got {array.shape}{hint}")
-    return array
+    return np.array(array, dtype=np.float64)

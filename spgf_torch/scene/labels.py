@@ -15,8 +15,8 @@ from spgf_torch.scene.images import check_pixels, image_pixels, numbers
 MASKS = ("PNG", "JPEG", "BMP", "TIFF", "PPM")
 # JPEG changes values: good enough for a mask, not for numbers.
 LABEL_IMAGES = ("PNG", "BMP", "TIFF", "PPM")
-# A mask of a smaller share than this, or of a larger one than its complement, is told: it may be of something else.
-_NEARLY = 0.001
+# A mask that marks a smaller or a larger share is told: it may be of something else, or inverted.
+_LEAST, _MOST = 0.001, 0.9
 _LABEL_KEYS = ("segmap", "seg", "segments", "labels", "label", "mask", "arr_0")
 
 
@@ -78,8 +78,9 @@ def marked(name: str, mask: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     if not share:
         raise InputError(f"{name}: expected pixels above 0, which mark the target; got none")
     notes: tuple[str, ...] = ()
-    if share < _NEARLY or share > 1 - _NEARLY:
-        notes = (f"mask {name} marks {int(mask.sum())} of {mask.size} values as the target",)
+    if not _LEAST <= share <= _MOST:
+        inverted = "; inverted?" if share > _MOST else ""
+        notes = (f"mask {name} marks {int(mask.sum())} of {mask.size} values as the target{inverted}",)
     return mask.astype(np.int32), notes
 
 

@@ -5,15 +5,16 @@ Source: "The PCD (Point Cloud Data) file format", Point Cloud Library documentat
 
 from __future__ import annotations
 
+import re
 import struct
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from spgf_torch.config import InputError
-from spgf_torch.scene.cloud import Cloud, check_count, checked
+from spgf_torch.objects.ply import number_words
+from spgf_torch.scene.cloud import Cloud, check_count, pixels_of
 
 POINT, NORMAL = ("x", "y", "z"), ("normal_x", "normal_y", "normal_z")
 _TYPES = {
@@ -53,10 +54,9 @@ class Header:
 
 
 def read_pcd(path: Path, limit: int) -> Cloud:
-    """The points of a PCD file, with its normals (normal_x, normal_y, normal_z) and viewpoint, in the file's unit.
+    """The points of a PCD file, not yet checked, with its normals (normal_x or nx, ...) and viewpoint, in its unit.
 
-    NaN marks pixels without a measurement where HEIGHT is above 1; they are dropped. The identity VIEWPOINT is what
-    writers put when they know none: it counts only where there are no normals.
+    The identity VIEWPOINT is what writers put when they know none: it does not count.
 
     Args:
         limit: points at most.
@@ -69,20 +69,28 @@ def read_pcd(path: Path, limit: int) -> Cloud:
         check_count(path, header.points, limit)
         stream.seek(header.size)
         body = stream.read()
-    missing = [name for name in POINT if name not in header.fields]
-    if missing:
+    names = [re.sub("^n(?=[xyz]$)", "normal_", field.lower()) for field in header.fields]
+    if not set(POINT) <= set(names):
         raise InputError(f"{path}: FIELDS: expected x y z, got {' '.join(header.fields)}")
-    wanted = POINT + NORMAL if all(name in header.fields for name in NORMAL) else POINT
+    wanted = POINT + NORMAL if set(NORMAL) <= set(names) else POINT
     for name in wanted:
-        if header.counts[header.fields.index(name)] != 1:
-            raise InputError(f"{path}: COUNT of {name}: expected 1, got {header.counts[header.fields.index(name)]}")
+        if names.count(name) > 1 or header.counts[names.index(name)] != 1:
+            got = (
+                f"COUNT {header.counts[names.index(name)]}" if names.count(name) == 1 else f"{names.count(name)} fields"
+            )
+            raise InputError(f"{path}: COUNT of {name}: expected one field with COUNT 1, got {got}")
     columns = {"ascii": _ascii, "binary": _binary, "binary_compressed": _compressed}[header.data](
-        path, body, header, [header.fields.index(name) for name in wanted]
+        path, body, header, [names.index(name) for name in wanted]
     )
-    known = header.viewpoint != _IDENTITY or len(wanted) == 3
-    viewpoints = np.array([header.viewpoint[:3]]) if known else None
-    cloud = Cloud(columns[:, :3], columns[:, 3:] if len(wanted) == 6 else None, viewpoints, str(path))
-    return checked(cloud)
+    pixels = pixels_of((header.height, header.width, 3)) if header.height > 1 else None
+    normals = columns[:, 3:] if len(wanted) == 6 else None
+    return Cloud(columns[:, :3], normals, _known(header.viewpoint), str(path), pixels=pixels)
+
+
+def _known(viewpoint: tuple[float, ...]) -> np.ndarray | None:
+    """(1, 3) where the sensor was; None for the identity, and for a quaternion of zeros, with no translation."""
+    origin, turn = np.array(viewpoint[:3]), np.abs(viewpoint[3:])
+    return None if not origin.any() and not turn[1:].any() else origin[None]
 
 
 def _header(path: Path, content: bytes) -> Header:
@@ -96,7 +104,7 @@ def _header(path: Path, content: bytes) -> Header:
             )
         words = content[start:end].decode("ascii", errors="replace").split("#")[0].split()
         if words:
-            entries[words[0]] = words[1:]
+            entries[words[0].upper()] = words[1:]
         start = end + 1
     fields = tuple(entries.get("FIELDS", entries.get("COLUMNS", [])))
     if not fields:
@@ -104,7 +112,7 @@ def _header(path: Path, content: bytes) -> Header:
     sizes, counts = _integers(path, entries, "SIZE", len(fields)), [1] * len(fields)
     if "COUNT" in entries:
         counts = _integers(path, entries, "COUNT", len(fields))
-    kinds = _words(path, entries, "TYPE", len(fields))
+    kinds = [word.upper() for word in _words(path, entries, "TYPE", len(fields))]
     unknown = [
         f"{name} {kind}{size}"
         for name, kind, size in zip(fields, kinds, sizes, strict=True)
@@ -116,7 +124,7 @@ def _header(path: Path, content: bytes) -> Header:
     points = _integers(path, entries, "POINTS", 1)[0] if "POINTS" in entries else width * height
     if points != width * height:
         raise InputError(f"{path}: expected POINTS = WIDTH x HEIGHT = {width * height}, got {points}")
-    data = _words(path, entries, "DATA", 1)[0]
+    data = _words(path, entries, "DATA", 1)[0].lower()
     if data not in ("ascii", "binary", "binary_compressed"):
         raise InputError(f"{path}: DATA: expected ascii, binary or binary_compressed, got {data}")
     dtypes = tuple(_TYPES[kind, size] for kind, size in zip(kinds, sizes, strict=True))
@@ -142,18 +150,19 @@ def _viewpoint(path: Path, entries: dict[str, list[str]]) -> tuple[float, ...]:
         return _IDENTITY
     words = _words(path, entries, "VIEWPOINT", 7)
     try:
-        return tuple(float(word) for word in words)
+        numbers = tuple(float(word) for word in words)
     except ValueError:
-        raise InputError(f"{path}: VIEWPOINT: expected seven numbers, got {' '.join(words)}") from None
+        numbers = ()
+    if not numbers or not np.isfinite(numbers).all():
+        raise InputError(f"{path}: VIEWPOINT: expected seven numbers, got {' '.join(words)}")
+    return numbers
 
 
 def _ascii(path: Path, body: bytes, header: Header, wanted: list[int]) -> np.ndarray:
     per_row = sum(header.counts)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # how numpy tells of a word that is no number
-            values = np.fromstring(body, dtype=np.float64, sep=" ")
-    except (DeprecationWarning, ValueError):
+        values = number_words(body)
+    except ValueError:
         raise InputError(f"{path}: expected numbers after DATA ascii, got other words") from None
     if len(values) != header.points * per_row:
         raise _cut(path, f"{header.points} rows of {per_row} values", f"{len(values)} values")

@@ -11,11 +11,10 @@ import numpy as np
 import torch
 
 from spgf_torch.config import InputError, SceneConfig, SensingConfig
-from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, checked, vectors, voxel_means
 from spgf_torch.scene.depth import every, learned_stride, pixel_points, surface
 from spgf_torch.scene.depth_files import is_depth
-from spgf_torch.scene.files import read_cloud
+from spgf_torch.scene.files import read_clouds
 from spgf_torch.scene.meshes import is_mesh, sampled, sensed
 from spgf_torch.scene.normals import neighbourhoods, oriented
 from spgf_torch.scene.selection import crop_box, cropped, viewpoints_of, within, without_table
@@ -64,15 +63,16 @@ def read_scene(config: SceneConfig, sensing: SensingConfig, generator: np.random
     if any(is_depth(path, config) for path in paths):
         _unused(config, "viewpoints", "point clouds")
         return scene_of_views(read_views(paths, config), config, sensing, generator)
-    for key in ("poses", "mask", "stride"):
+    for key in ("poses", "stride"):
         _unused(config, key, "depth images, which need intrinsics")
     meshes = [path for path in paths if is_mesh(path)]
     if not meshes:
-        clouds = [read_cloud(path, config.max_points).scaled(METRES[config.unit]) for path in paths]
+        clouds = read_clouds(paths, config)
         return scene_of_clouds(clouds, config, sensing, generator)
     if len(paths) > 1:
         raise InputError(f"input: expected one mesh or several clouds, got {len(meshes)} meshes in {len(paths)} files")
-    _unused(config, "viewpoints", "point clouds")
+    for key in ("viewpoints", "mask", "segments"):
+        _unused(config, key, "point clouds" if key == "viewpoints" else "point clouds and depth images")
     return _scene_of_mesh(meshes[0], config, sensing, generator)
 
 

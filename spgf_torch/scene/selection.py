@@ -11,6 +11,9 @@ from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, vectors
 from spgf_torch.scene.table import find_plane, given_plane, height
 
+# Extents of a cloud from the origin to it; a cloud further off has coordinates of a map, which no other unit mends.
+_FAR_EXTENTS = 100.0
+
 
 def crop_box(config: SceneConfig) -> tuple[np.ndarray, np.ndarray]:
     """(3,) lowest and (3,) highest corner of the crop box, m; infinite where none is set."""
@@ -56,13 +59,25 @@ def check_extent(name: str, low: np.ndarray, high: np.ndarray, config: SceneConf
     """InputError that names the unit where a box of two corners (3,), m, has not the size of a scene."""
     extent = float((high - low).max())
     if not config.min_extent <= extent <= config.max_extent:
-        other = {"m": "mm", "mm": "m"}[config.unit]
-        fits = config.min_extent <= extent * METRES[other] / METRES[config.unit] <= config.max_extent
-        hint = f"unit={other} would fit" if fits else "give crop_low and crop_high?"
         raise InputError(
             f"{name}: expected an extent of {config.min_extent:g} to {config.max_extent:g} m, got "
-            f"{extent:.4g} m with unit={config.unit}; {hint}"
+            f"{extent:.4g} m with unit={config.unit}; {_extent_hint(low, high, extent, config)}"
         )
+
+
+def _extent_hint(low: np.ndarray, high: np.ndarray, extent: float, config: SceneConfig) -> str:
+    """What may be wrong with points of an unlikely extent: another unit only where one is likely."""
+    away = float(np.abs(low + high).max()) / 2
+    if away > _FAR_EXTENTS * extent:
+        return f"the points lie {away:.4g} m from the origin, as on a map: subtract an offset, then crop"
+    if low[2] == high[2] == 0:
+        return "z is 0 throughout: an image, not a surface?"
+    metres = {unit: extent * METRES[unit] / METRES[config.unit] for unit in METRES if unit != config.unit}
+    fitting = [f"unit={unit}" for unit, size in metres.items() if config.min_extent <= size <= config.max_extent]
+    otherwise = "" if extent < config.min_extent else ", else crop_low and crop_high"
+    if not fitting:
+        return "no unit would fit" + (otherwise and "; give crop_low and crop_high?")
+    return f"{' or '.join(fitting)} would fit, if that is the file's{otherwise}"
 
 
 def _check_viewpoints(clouds: Sequence[Cloud], middle: np.ndarray, config: SceneConfig) -> None:

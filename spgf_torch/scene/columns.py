@@ -1,0 +1,129 @@
+"""Which column of a table of points is what: by name, else by its values."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from spgf_torch.config import InputError
+from spgf_torch.objects.scans import METRES
+
+MOST_COLUMNS = 100
+_POINT, _NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
+_UNIT = re.compile(r"^(.*?)[\s_]*[\[(]\s*(\w+)\s*[\])]$")
+_UNIT_TAIL = re.compile(r"^([xyz])_(m|cm|mm|km|um|in|inch|ft|feet)$")
+_AXIS = {"0": "x", "1": "y", "2": "z"}
+_POINT_NAME = re.compile(
+    r"^(?:points?|coordinates?|coords?|pos|position|p|pt|vertex)?[\s_:.]*([xyz012])(?:[\s_]*coord(?:inate)?)?$"
+)
+_NORMAL_NAME = re.compile(r"^(?:normals?|norm|n)[\s_:.]*([xyz012])$")
+# Of the length of normals, which may be rounded.
+_LENGTH_TOLERANCE = 0.1
+_MOST_UNNAMED = 10
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Columns of a table.
+
+    Attributes:
+        points: the three of x y z.
+        normals: the three of the normals; None: there are none.
+        unit: that the names state; None: they do not.
+        notes: what was taken for what.
+    """
+
+    points: tuple[int, ...] = (0, 1, 2)
+    normals: tuple[int, ...] | None = None
+    unit: str | None = None
+    notes: tuple[str, ...] = ()
+
+
+def named_layout(name: str, given: Sequence[str]) -> Layout:
+    """The columns by their names, as CloudCompare, ParaView, PCL, pandas and people write them.
+
+    Raises:
+        InputError: no x, y and z, two of one name, a unit that is not known.
+    """
+    units: dict[str, str] = {}
+    names = []
+    for word in given:
+        plain, unit = plain_name(word)
+        names.append(plain)
+        if unit and plain in _POINT:
+            units[plain] = unit
+    twice = [axis for axis in (*_POINT, *_NORMAL) if names.count(axis) > 1]
+    if twice or not set(_POINT) <= set(names):
+        got = ", ".join(given)
+        raise InputError(f"{name}: expected columns named x, y, z [nx, ny, nz]{' once' if twice else ''}; got {got}")
+    if units and (len(set(units.values())) > 1 or len(units) < 3 or next(iter(units.values())) not in METRES):
+        got = ", ".join(f"{axis} in {unit}" for axis, unit in units.items())
+        raise InputError(f"{name}: expected one unit of x, y and z, {', '.join(METRES)}; got {got}")
+    normals = tuple(names.index(axis) for axis in _NORMAL) if set(_NORMAL) <= set(names) else None
+    return Layout(tuple(names.index(axis) for axis in _POINT), normals, next(iter(units.values()), None))
+
+
+def layout_by_values(name: str, table: np.ndarray, intensity: bool = False) -> Layout:
+    """The columns of a table (N, C) without names: x y z first; then normals are what has length 1.
+
+    Args:
+        intensity: a fourth column may be anything, as in .pts files.
+
+    Raises:
+        InputError: it cannot be told safely.
+    """
+    count = table.shape[1]
+    table = table[np.isfinite(table[:, :3]).all(axis=1) & (table[:, :3] != 0).any(axis=1)]
+    if count == 3 or not len(table):  # without a reading anywhere: refused with the cloud
+        return Layout()
+    if count == 4 and (table[:, 3] == 1).all():
+        return Layout(notes=("column 4, which is 1 throughout, left out (homogeneous coordinates)",))
+    if count == 4 and intensity:
+        return Layout(notes=("column 4 taken for an intensity",))
+    if count == 6 and not _colours(table[:, 3:]):
+        return Layout(normals=(3, 4, 5))  # whose length is checked with the cloud
+    starts = range(3, min(count, _MOST_UNNAMED + 1) - 2) if count <= _MOST_UNNAMED else range(0)
+    units = [start for start in starts if _unit_length(table[:, start : start + 3])]
+    colours = [start for start in starts if _colours(table[:, start : start + 3])]
+    if len(units) == 1:
+        first = units[0]
+        rest = f"; columns {first + 1} to {first + 3}, of length 1, taken for normals, the others after z left out"
+        return Layout(normals=(first, first + 1, first + 2), notes=(f"{count} columns without names{rest}",))
+    if not units and colours:
+        what = "columns 4 to 6 taken for colours" if count == 6 else "those after z taken for colours and the like"
+        return Layout(notes=(f"{count} columns without names: {what} and left out",))
+    raise InputError(
+        f"{name}: expected 3 columns x y z or 6 with normals (or a line of names), got {count}; write a first line such "
+        "as x y z intensity, or x y z alone"
+    )
+
+
+def plain_name(word: str) -> tuple[str, str | None]:
+    """A column's name as x y z nx ny nz where it is one of these, and the unit in it."""
+    name = word.strip().strip('"').lstrip("/#").strip().lower()
+    unit = None
+    if match := _UNIT.match(name) or _UNIT_TAIL.match(name):
+        name, unit = match[1], match[2]
+    if match := _NORMAL_NAME.match(name):
+        return "n" + _AXIS.get(match[1], match[1]), unit
+    if (match := _POINT_NAME.match(name)) and not (name in _AXIS):
+        return _AXIS.get(match[1], match[1]), unit
+    return name, unit
+
+
+def _unit_length(columns: np.ndarray) -> bool:
+    """Whether the rows (N, 3) are normals: of length 1, all that are numbers and not 0, which are most."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(columns, axis=1)
+    usable = np.isfinite(length) & (length > 0)
+    return 2 * int(usable.sum()) >= len(columns) > 0 and bool((np.abs(length[usable] - 1) <= _LENGTH_TOLERANCE).all())
+
+
+def _colours(columns: np.ndarray) -> bool:
+    """Whether the rows (N, 3) are colours: whole numbers up to 255 or numbers up to 1, and no normals."""
+    if _unit_length(columns) or not np.isfinite(columns).all() or not columns.any() or columns.min() < 0:
+        return False
+    return bool(columns.max() <= 1 or (columns.max() <= 255 and (columns == np.round(columns)).all()))

@@ -1,0 +1,181 @@
+"""Point clouds as text: rows of numbers, with or without names of their columns, as many programs write them."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from spgf_torch.config import InputError
+from spgf_torch.reading import reason
+from spgf_torch.scene.cloud import Cloud, check_count
+from spgf_torch.scene.columns import MOST_COLUMNS, Layout, layout_by_values, named_layout, plain_name
+
+TEXT = (".xyz", ".xyzn", ".xyzrgb", ".txt", ".csv", ".tsv", ".asc", ".pts")
+_COMMENTS = ("#", "//")
+_LONGEST_LINE = 1 << 16
+_SAMPLE = 50  # rows by which the layout is told
+_MOST_LINES = 1000  # of comments and of these
+_NOTHING = 1 << 30  # lines to skip: all
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+# NaN and infinity as C libraries, Windows and databases write them.
+_NO_NUMBER = re.compile(r"[+-]?(?:1\.#\w+|nan\(.*\)|nan|inf|infinity|null|none|na|n/a|-)?", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class _Form:
+    """How a table is written: names of its columns ([] if none), delimiter (None: white space), lines to skip, decimal
+    comma, the number of rows that its first line says, whether numbers stand in quotes."""
+
+    names: list[str]
+    delimiter: str | None
+    skipped: int
+    comma: bool
+    said: int | None
+    quoted: bool = False
+
+
+def read_table(path: Path, limit: int) -> tuple[Cloud, str | None]:
+    """The cloud in a text file, not yet checked, and the unit that its column names state.
+
+    Raises:
+        InputError: words that are no numbers, columns that cannot be told, rows of different length, too many.
+    """
+    try:
+        form = _form(path)
+        layout = named_layout(str(path), form.names) if form.names else None
+        wanted = None if layout is None else (*layout.points, *(layout.normals or ()))
+        table = _numbers(path, form, wanted, limit)
+    except InputError:
+        raise
+    except ValueError as error:  # a word that is no number, rows of different length, not text
+        raise InputError(f"{path}: expected rows of numbers x y z [nx ny nz], got {reason(error)}") from None
+    check_count(path, len(table), limit)
+    if form.said not in (None, len(table)):
+        raise InputError(f"{path}: expected {form.said} rows as its first line says, got {len(table)}")
+    if layout is None:
+        table = _without_empty_end(table)
+        layout = layout_by_values(str(path), table, intensity=form.said is not None)
+    else:  # only the columns that it names were read
+        layout = Layout((0, 1, 2), (3, 4, 5) if layout.normals else None, layout.unit, layout.notes)
+    notes = (*layout.notes, *(("decimal commas read as points",) if form.comma else ()))
+    normals = None if layout.normals is None else table[:, layout.normals]
+    return Cloud(table[:, layout.points], normals, None, str(path), notes=notes), layout.unit
+
+
+def _form(path: Path) -> _Form:
+    """How the table in a file is written, by its first lines."""
+    comments, lines = _first_lines(path)
+    said = None
+    if len(lines) > 1 and re.fullmatch(r"\d{1,12}", lines[0][1]) and len(_words(lines[1][1])[0]) > 1:
+        said = int(lines.pop(0)[1])
+    names: list[str] = []
+    if lines and not all(map(_is_number, _words(lines[0][1])[0])):
+        names = _header_words(lines.pop(0)[1])
+    if not lines:
+        return _Form(names, None, _NOTHING, False, said)
+    words, delimiter, comma = _style([text for _, text in lines])
+    if len(words) > MOST_COLUMNS:  # numpy makes room for as many in every row that there may be
+        raise ValueError(f"{len(words)} columns")
+    if names and len(names) != len(words):
+        got = f"{len(names)} names ({', '.join(names)[:80]}) of {len(words)}"
+        raise InputError(f"{path}: expected a name for each column, x, y, z [nx, ny, nz]; got {got}")
+    for comment in () if names else comments:
+        told = _header_words(comment.lstrip("/#"))
+        if len(told) == len(words) and {"x", "y", "z"} <= {plain_name(word)[0] for word in told}:
+            names = told
+    return _Form(names, delimiter, lines[0][0], comma, said, any('"' in text for _, text in lines))
+
+
+def _first_lines(path: Path) -> tuple[list[str], list[tuple[int, str]]]:
+    """The comments before the first row, and the first rows with their numbers in the file."""
+    comments, lines = [], []
+    with path.open(encoding="utf-8-sig") as stream:
+        for number in range(_MOST_LINES):
+            line = stream.readline(_LONGEST_LINE)
+            if not line or len(lines) >= _SAMPLE:
+                break
+            text = line.strip()
+            if text.startswith(_COMMENTS):
+                comments += [] if lines else [text]
+            elif text:
+                lines.append((number, text))
+    return comments, lines
+
+
+def _style(lines: list[str]) -> tuple[list[str], str | None, bool]:
+    """The first line's words, the delimiter, and whether a comma stands for the decimal point."""
+    mark = ";" if any(";" in line for line in lines) else None
+    split = [[word.strip() for word in line.split(mark)] for line in lines]
+    comma = any(_DECIMAL_COMMA.fullmatch(word) for words in split for word in words)
+    if comma and (mark or all(len(words) > 1 and not any(w.endswith(",") for w in words) for words in split)):
+        return split[0], mark, True
+    words, delimiter = _words(lines[0])
+    return words, delimiter, False
+
+
+def _words(line: str) -> tuple[list[str], str | None]:
+    delimiter = next((mark for mark in ";," if mark in line), None)
+    words = [word.strip().strip('"') for word in line.split(delimiter)]
+    if delimiter == "," and len(line.split()) > 2 and all(_DECIMAL_COMMA.fullmatch(word) for word in line.split()):
+        return [word.replace(",", ".") for word in line.split()], None
+    if delimiter == ";":
+        words = [word.replace(",", ".") if _DECIMAL_COMMA.fullmatch(word) else word for word in words]
+    return words, delimiter
+
+
+def _header_words(line: str) -> list[str]:
+    delimiter = next((mark for mark in ";,\t" if mark in line), None)
+    joined = line if delimiter else re.sub(r"\s+([\[(])", r"\1", line)
+    return [word.strip().strip('"') for word in joined.split(delimiter)]
+
+
+def _is_number(word: str) -> bool:
+    try:
+        _number(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        if _NO_NUMBER.fullmatch(word.strip()):
+            return float("nan")
+        raise
+
+
+def _numbers(path: Path, form: _Form, wanted: tuple[int, ...] | None, limit: int) -> np.ndarray:
+    """(N, C) the columns `wanted` (None: all) of a table; slower where it has words that numpy does not read."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*contained no data")
+        settings = {
+            "delimiter": form.delimiter,
+            "skiprows": form.skipped,
+            "comments": "#" if form.quoted else _COMMENTS,  # numpy has no quotes beside longer marks of comments
+            "ndmin": 2,
+            "max_rows": limit + 1,
+            "encoding": "utf-8-sig",
+            "usecols": wanted,
+            "quotechar": '"' if form.quoted else None,
+        }
+        if not form.comma:
+            try:
+                return np.loadtxt(path, **settings)
+            except ValueError:
+                pass
+        return np.loadtxt(path, converters=_with_comma if form.comma else _number, **settings)
+
+
+def _with_comma(word: str) -> float:
+    return _number(word.replace(",", "."))
+
+
+def _without_empty_end(table: np.ndarray) -> np.ndarray:
+    """The table without a last column of nothing, as a delimiter at the end of each line makes it."""
+    return table[:, :-1] if table.shape[1] > 3 and np.isnan(table[:, -1]).all() else table
