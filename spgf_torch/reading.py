@@ -193,8 +193,8 @@ def _starts_with_pickle(path: Path) -> bool:
 
 def _pickled(path: Path) -> InputError:
     return InputError(
-        f"{path}: expected arrays of numbers, got pickled Python objects, which can run code when they are read; if you "
-        "trust the file, load it with numpy and write its arrays with np.savez"
+        f"{path}: expected arrays of numbers, got pickled Python objects, which can run code when they are read; if "
+        "you trust the file, load it with numpy and write its arrays with np.savez"
     )
 
 

@@ -157,7 +157,7 @@ def _ascii(path: Path, tokens: np.ndarray, at: int, element: Element) -> tuple[d
     columns: dict[str, list[float]] = {each.name: [] for each in element.properties if not each.length}
     for row in range(element.count):
         for each in element.properties:
-            if at >= len(tokens) or not tokens[at] >= 0 and each.length:
+            if at >= len(tokens) or (not tokens[at] >= 0 and each.length):
                 raise _cut(path, element, row)
             if each.length:
                 at += 1 + int(min(tokens[at], len(tokens)))
@@ -176,9 +176,10 @@ def _binary(path: Path, body: bytes, at: int, element: Element, order: str) -> t
         end = at + element.count * row.itemsize
         if end > len(body):
             raise _cut(path, element, (len(body) - at) // max(row.itemsize, 1))
-        table = np.frombuffer(body, row, element.count, at) if row.itemsize else np.empty(0)
-        named = {each.name: table[str(i)].astype(np.float64) for i, each in enumerate(element.properties)}
-        return named, end
+        if not row.itemsize:
+            return {}, at
+        table = np.frombuffer(body, row, element.count, at)
+        return {each.name: table[str(i)].astype(np.float64) for i, each in enumerate(element.properties)}, end
     columns: dict[str, list[float]] = {each.name: [] for each in element.properties if not each.length}
     for row_number in range(element.count):
         for each in element.properties:

@@ -56,8 +56,8 @@ def cloud_of_arrays(
 
 def view_of_arrays(
     depth: Any,
-    K: Any,  # noqa: N803
-    T_input_camera: Any = None,  # noqa: N803
+    K: Any,
+    T_input_camera: Any = None,
     mask: Any = None,
     segments: Any = None,
     depth_scale: float | None = None,

@@ -96,8 +96,8 @@ def layout_by_values(name: str, table: np.ndarray, intensity: bool = False) -> L
         what = "columns 4 to 6 taken for colours" if count == 6 else "those after z taken for colours and the like"
         return Layout(notes=(f"{count} columns without names: {what} and left out",))
     raise InputError(
-        f"{name}: expected 3 columns x y z or 6 with normals (or a line of names), got {count}; write a first line such "
-        "as x y z intensity, or x y z alone"
+        f"{name}: expected 3 columns x y z or 6 with normals (or a line of names), got {count}; write a first line "
+        "such as x y z intensity, or x y z alone"
     )
 
 
@@ -109,7 +109,7 @@ def plain_name(word: str) -> tuple[str, str | None]:
         name, unit = match[1], match[2]
     if match := _NORMAL_NAME.match(name):
         return "n" + _AXIS.get(match[1], match[1]), unit
-    if (match := _POINT_NAME.match(name)) and not (name in _AXIS):
+    if (match := _POINT_NAME.match(name)) and name not in _AXIS:
         return _AXIS.get(match[1], match[1]), unit
     return name, unit
 

@@ -106,8 +106,9 @@ def _ply(path: Path, limit: int) -> Cloud:
 
 
 def _numpy(path: Path, limit: int) -> Cloud:
+    notes: tuple[str, ...] = ()
     if path.suffix.lower() == ".npy":
-        arrays, key, notes = {"points": npy_array(path)}, "points", ()
+        arrays, key = {"points": npy_array(path)}, "points"
     else:
         key, notes = _points_key(path)
         there = npz_headers(path)
@@ -156,25 +157,30 @@ def _columns(path: Path, name: str, array: np.ndarray, limit: int) -> Cloud:
     layout: Layout | None = None
     if array.dtype.names:
         check_count(path, int(np.prod(array.shape)), limit)
-        if array.ndim == 2 and 1 in array.shape:
-            array = array.ravel()
-        fields = [
-            each for each in array.dtype.names if array.dtype[each].shape == () and array.dtype[each].kind in "fiu"
-        ]
-        layout = named_layout(label, fields)
-        picked = [fields[i] for i in (*layout.points, *(layout.normals or ()))]
-        layout = Layout((0, 1, 2), (3, 4, 5) if layout.normals else None)
-        array = np.stack([array[each].astype(np.float64) for each in picked], axis=-1)
+        array, layout = _of_fields(label, array)
     most = 10 if array.ndim == 2 else 6
     if array.ndim not in (2, 3) or not 3 <= array.shape[-1] <= most:
         raise InputError(f"{label}: expected shape (N, 3), (N, 6) or (H, W, 3), got {array.shape}{_hint(array)}")
     check_count(path, int(np.prod(array.shape[:-1])), limit)
     flat = _float(path, name, array).reshape(-1, array.shape[-1])
-    if array.ndim == 2 and array.shape[0] == 3 and array.shape[1] in (4, 6):
-        raise InputError(f"{label}: expected shape (N, 3), got {array.shape}{_hint(array)}")
     layout = layout or layout_by_values(label, flat, intensity=array.ndim == 3)
     normals = None if layout.normals is None else flat[:, layout.normals]
     return Cloud(flat[:, layout.points], normals, None, str(path), pixels=pixels_of(array.shape), notes=layout.notes)
+
+
+def _of_fields(label: str, array: np.ndarray) -> tuple[np.ndarray, Layout]:
+    """(N, C) or (H, W, C) float64 of an array with fields x, y, z [nx, ny, nz], or with one of the three together."""
+    if array.ndim == 2 and 1 in array.shape:
+        array = array.ravel()
+    kinds = {name: array.dtype[name] for name in array.dtype.names or ()}
+    together = [name for name in ("xyz", "points", "position") if name in kinds and kinds[name].shape == (3,)]
+    if together and kinds[together[0]].base.kind in "fiu":
+        return array[together[0]].astype(np.float64), Layout()
+    fields = [name for name, kind in kinds.items() if kind.shape == () and kind.kind in "fiu"]
+    layout = named_layout(label, fields)
+    wanted = (*layout.points, *(layout.normals or ()))
+    columns = np.stack([array[fields[i]].astype(np.float64) for i in wanted], axis=-1)
+    return columns, Layout((0, 1, 2), (3, 4, 5) if layout.normals else None)
 
 
 def _hint(array: np.ndarray) -> str:

@@ -152,8 +152,8 @@ def _of_mapping(path: Path, values: dict[Any, Any]) -> Intrinsics:
         elif raw.size == 9 and np.abs(raw.reshape(3, 3) - P).max() > _SAME * np.abs(P).max():
             off = float(np.abs(raw.ravel()[[0, 4]] / P[[0, 1], [0, 1]] - 1).max())
             notes.append(
-                f"P taken, which is of the rectified image and differs from K (focal length by {off:.0%}); for an image "
-                "that is not rectified give K alone"
+                f"P taken, which is of the rectified image and differs from K (focal length by {off:.0%}); for an "
+                "image that is not rectified give K alone"
             )
             raw = P
     if raw is None:

@@ -74,11 +74,10 @@ def read_pcd(path: Path, limit: int) -> Cloud:
         raise InputError(f"{path}: FIELDS: expected x y z, got {' '.join(header.fields)}")
     wanted = POINT + NORMAL if set(NORMAL) <= set(names) else POINT
     for name in wanted:
-        if names.count(name) > 1 or header.counts[names.index(name)] != 1:
-            got = (
-                f"COUNT {header.counts[names.index(name)]}" if names.count(name) == 1 else f"{names.count(name)} fields"
-            )
-            raise InputError(f"{path}: COUNT of {name}: expected one field with COUNT 1, got {got}")
+        count = header.counts[names.index(name)]
+        if count != 1 or names.count(name) > 1:
+            got = f"got {count}" if count != 1 else f"got {names.count(name)} fields of this name"
+            raise InputError(f"{path}: COUNT of {name}: expected 1, {got}")
     columns = {"ascii": _ascii, "binary": _binary, "binary_compressed": _compressed}[header.data](
         path, body, header, [names.index(name) for name in wanted]
     )

@@ -79,9 +79,8 @@ def _matrices(path: Path, array: np.ndarray, notes: list[str]) -> np.ndarray:
         return _of_lines(path, np.atleast_2d(array), notes)
     if array.ndim < 2 or not array.size or array.shape[-1] != 4:
         raise _unknown(path, array)
-    if array.ndim == 2 and len(array) % 4 and not len(array) % 3:
-        array = array.reshape(-1, 3, 4)
-    elif array.ndim == 2 and not len(array) % 12 and not np.allclose(array[3], _LAST_ROW):
+    of_three = array.ndim == 2 and not len(array) % 3
+    if of_three and (len(array) % 4 or not np.allclose(array[3], _LAST_ROW)):
         array = array.reshape(-1, 3, 4)
     if array.ndim == 3 and array.shape[1] == 3:
         last = np.broadcast_to(np.array(_LAST_ROW), (len(array), 1, 4))
@@ -105,6 +104,5 @@ def _of_lines(path: Path, lines: np.ndarray, notes: list[str]) -> np.ndarray:
 
 
 def _unknown(path: Path, array: np.ndarray) -> InputError:
-    return InputError(
-        f"{path}: expected camera poses of 4 x 4 or 3 x 4 numbers, or lines [t] x y z qx qy qz qw; got shape {array.shape}"
-    )
+    what = "camera poses of 4 x 4 or 3 x 4 numbers, or lines [t] x y z qx qy qz qw"
+    return InputError(f"{path}: expected {what}; got shape {array.shape}")

@@ -112,7 +112,7 @@ def _matlab(path: Path, keys: tuple[str, ...]) -> dict[str, np.ndarray]:
         )
     try:
         there = {name: (shape, kind) for name, shape, kind in scipy.io.whosmat(path)}
-        plain = ("double", "single", "logical") + tuple(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64))
+        plain = ("double", "single", "logical", "uint8", "int16", "uint16", "int32", "uint32")
         wanted = [name for name in keys if name in there and there[name][1] in plain and np.prod(there[name][0]) <= 64]
         if not wanted:
             raise InputError(f"{path}: expected one of {', '.join(keys)}; got {', '.join(there) or 'nothing'}")
@@ -125,7 +125,7 @@ def _matlab(path: Path, keys: tuple[str, ...]) -> dict[str, np.ndarray]:
 
 
 def _unpacked(content: bytes) -> int:
-    """Bytes of a MATLAB file once its packed elements (type 15) are unpacked, counted only a little beyond the limit."""
+    """Bytes of a MATLAB file with its packed elements (type 15) unpacked, counted little beyond the limit."""
     at, total = 128, 0
     order = "<" if content[126:128] == b"IM" else ">"
     while at + 8 <= len(content) and total <= _LARGEST_MATLAB:

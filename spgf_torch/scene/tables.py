@@ -6,6 +6,7 @@ import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -92,7 +93,8 @@ def _form(path: Path) -> _Form:
 
 def _first_lines(path: Path) -> tuple[list[str], list[tuple[int, str]]]:
     """The comments before the first row, and the first rows with their numbers in the file."""
-    comments, lines = [], []
+    comments: list[str] = []
+    lines: list[tuple[int, str]] = []
     with path.open(encoding="utf-8-sig") as stream:
         for number in range(_MOST_LINES):
             line = stream.readline(_LONGEST_LINE)
@@ -154,7 +156,7 @@ def _numbers(path: Path, form: _Form, wanted: tuple[int, ...] | None, limit: int
     """(N, C) the columns `wanted` (None: all) of a table; slower where it has words that numpy does not read."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*contained no data")
-        settings = {
+        settings: dict[str, Any] = {
             "delimiter": form.delimiter,
             "skiprows": form.skipped,
             "comments": "#" if form.quoted else _COMMENTS,  # numpy has no quotes beside longer marks of comments
