@@ -78,7 +78,7 @@ def read_header(path: Path) -> Header:
         match words:
             case ["format", kind, *_] if kind in _ORDERS:
                 form = kind
-            case ["element", name, count] if count.isdecimal() and len(count) < 13:
+            case ["element", name, count] if count.isdecimal() and len(count) < 19:
                 elements.append(Element(name.lower(), int(count), ()))
             case ["property", *rest] if elements:
                 last = elements[-1]

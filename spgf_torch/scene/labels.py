@@ -64,7 +64,8 @@ def fitting(name: str, values: np.ndarray, shape: tuple[int, ...], whose: str) -
     """`values` in `shape`, (H, W) or (N,): axes of length 1 are added or left out; InputError for another shape."""
     trimmed = tuple(n for n in values.shape if n != 1)
     if trimmed != tuple(n for n in shape if n != 1):
-        raise InputError(f"{name}: expected {shape} values as {whose} has, got {values.shape}")
+        what = "pixels" if len(shape) == 2 else "values"
+        raise InputError(f"{name}: expected {shape} {what} as {whose} has, got {values.shape}")
     return values.reshape(shape)
 
 
@@ -109,7 +110,7 @@ def _values(path: Path, limit: int, formats: tuple[str, ...]) -> np.ndarray:
     if values.ndim == 3 and 1 in (values.shape[0], values.shape[2]):
         values = values.reshape(values.shape[1:] if values.shape[0] == 1 else values.shape[:2])
     if values.ndim not in (1, 2, 3) or not values.size or values.dtype.kind not in "fiub":
-        raise InputError(f"{path}: expected numbers (H, W) or one a point, got {values.dtype} of {values.shape}")
+        raise InputError(f"{path}: expected numbers (H, W) or one a point, got {values.dtype} of shape {values.shape}")
     if values.ndim > 1:
         check_pixels(path, values.shape, limit)
     else:

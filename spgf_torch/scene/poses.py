@@ -15,7 +15,6 @@ from spgf_torch.scene.structured import number_array, structured
 # Of a rotation matrix or a quaternion that was written with few digits.
 _RIGID = 1e-3
 _LAST_ROW = [0.0, 0.0, 0.0, 1.0]
-_KEYS = ("T_input_camera", "poses", "pose")
 
 
 def read_poses(paths: Sequence[Path]) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -52,9 +51,8 @@ def checked_pose(name: str, values: np.ndarray) -> np.ndarray:
 
 
 def _of_mapping(path: Path, values: dict[str, Any], notes: list[str]) -> Any:
-    for key in _KEYS:
-        if key in values:
-            return values[key]
+    if "T_input_camera" in values:
+        return values["T_input_camera"]
     cameras = values["parameters"] if isinstance(values.get("parameters"), list) else [values]
     matrices = [camera.get("extrinsic") if isinstance(camera, dict) else None for camera in cameras]
     if str(values.get("class_name", "")).startswith("PinholeCamera") and all(m is not None for m in matrices):

@@ -13,6 +13,7 @@ from spgf_torch.scene.table import find_plane, given_plane, height
 
 # Extents of a cloud from the origin to it; a cloud further off has coordinates of a map, which no other unit mends.
 _FAR_EXTENTS = 100.0
+_FAR = 1000.0  # m
 
 
 def crop_box(config: SceneConfig) -> tuple[np.ndarray, np.ndarray]:
@@ -68,7 +69,9 @@ def check_extent(name: str, low: np.ndarray, high: np.ndarray, config: SceneConf
 def _extent_hint(low: np.ndarray, high: np.ndarray, extent: float, config: SceneConfig) -> str:
     """What may be wrong with points of an unlikely extent: another unit only where one is likely."""
     away = float(np.abs(low + high).max()) / 2
-    if away > _FAR_EXTENTS * extent:
+    if not extent:
+        return "all points lie in one place"
+    if away > max(_FAR, _FAR_EXTENTS * extent):
         return f"the points lie {away:.4g} m from the origin, as on a map: subtract an offset, then crop"
     if low[2] == high[2] == 0:
         return "z is 0 throughout: an image, not a surface?"

@@ -47,6 +47,8 @@ def read_views(paths: Sequence[Path], config: SceneConfig) -> list[View]:
     """
     count = len(paths)
     marks = files_of_marks(config, count, "a depth image")
+    if config.intrinsics is None and paths[0].suffix.lower() != ".npz":  # which may hold its K
+        raise _without_intrinsics(paths[0])
     poses, pose_notes = _poses(config, count)
     views, pixels = [], 0
     for i, path in enumerate(paths):
@@ -73,7 +75,7 @@ def _intrinsics(config: SceneConfig, path: Path, index: int, count: int, file: D
     given = config.intrinsics
     if given is None:
         if file.intrinsics is None:
-            raise InputError(f"intrinsics: expected the file of K for the depth image {path}, got none")
+            raise _without_intrinsics(path)
         return file.intrinsics
     if isinstance(given, list | tuple) and given and not any(isinstance(each, str | Path) for each in given):
         return given_intrinsics(given)
@@ -81,6 +83,10 @@ def _intrinsics(config: SceneConfig, path: Path, index: int, count: int, file: D
     if len(files) not in (1, count):
         raise InputError(f"intrinsics: expected one file, or one a depth image ({count}), got {len(files)}")
     return read_intrinsics(files[0 if len(files) == 1 else index], path)
+
+
+def _without_intrinsics(path: Path) -> InputError:
+    return InputError(f"intrinsics: expected the file of K for the depth image {path}, got none")
 
 
 def files_of_marks(config: SceneConfig, count: int, what: str) -> tuple[str, list[Path]]:

@@ -45,8 +45,11 @@ with atheris.instrument_imports(include=["spgf_torch", "yaml"]):
     from spgf_torch.objects.library import load_object
     from spgf_torch.objects.manifest import read_manifest
     from spgf_torch.objects.mesh_files import mesh_arrays
-    from spgf_torch.scene.depth import read_depth, read_intrinsics, read_mask, read_poses
+    from spgf_torch.scene.depth_files import read_depth_file
     from spgf_torch.scene.files import read_cloud
+    from spgf_torch.scene.intrinsics import read_intrinsics
+    from spgf_torch.scene.labels import read_mask
+    from spgf_torch.scene.poses import read_poses
     from spgf_torch.trials.hand import load_hand
     from spgf_torch.trials.table import read_table
 
@@ -166,7 +169,7 @@ READERS: dict[str, Reader] = {
     "npz": ("a.npz", cloud, zipped),
     **{kind: (f"a.{kind}", mesh_arrays, meshes(kind)) for kind in ("obj", "stl", "off", "glb")},
     "ply_mesh": ("a.ply", mesh_arrays, meshes("ply")),
-    "depth": ("a.png", lambda path: read_depth(path, 0.001, "m", LIMIT), png),
+    "depth": ("a.png", lambda path: read_depth_file(path, LIMIT), png),
     "mask": ("a.png", lambda path: read_mask(path, LIMIT), png),
     "k_json": ("a.json", read_intrinsics, of(*K)),
     "k_yaml": ("a.yaml", read_intrinsics, of(ROS)),

@@ -80,7 +80,7 @@ IMAGES = [
     ("d.npy", "of NaN", npy(np.full((40, 50), np.nan)), "none"),
     ("d.npy", "in millimetres", npy(DEPTH.astype(float) * 30), "unit"),
     ("d.npy", "of another size than K", npy(np.full((400, 500), 0.7)), "K"),
-    ("d.tiff", "of another kind", image(DEPTH, "TIFF"), "tiff"),
+    ("d.exr", "of another kind", raw(b"v/1\x01 and more"), "exr"),
 ]  # fmt: skip
 INTRINSICS = [
     ("K.txt", "empty", raw(b""), "empty"),
@@ -98,7 +98,7 @@ INTRINSICS = [
     ("K.json", "other keys", as_json({"matrix": K}), "camera_matrix"),
     ("K.json", "a matrix in words", as_json({"K": "calib"}), "matrix"),
     ("K.json", "a matrix of matrices", as_json({"K": [K, K]}), "K.json"),
-    ("K.json", "a matrix of one deeper", as_json({"K": [K]}), "K.json"),
+    ("K.json", "three matrices", as_json({"K": [K, K, K]}), "K.json"),
     ("K.json", "a number beyond float", raw(b'{"K": [' + b"9" * 400 + b", 0, 0, 0, 1, 0, 0, 0, 1]}"), "matrix"),
     ("K.json", "a number of 5000 digits", raw(b'{"K": [' + b"9" * 5000 + b", 0, 0, 0, 1, 0, 0, 0, 1]}"), "K.json"),
     ("K.json", "brackets without end", raw(b"[" * 200_000), "K.json"),
@@ -117,12 +117,12 @@ INTRINSICS = [
     ("K.yaml", "two documents", raw(b"--- 1\n--- 2\n"), "K.yaml"),
     ("K.yaml", "a set", yaml_k("!!set {a, b}"), "matrix"),
     ("K.npy", "another shape", npy(np.eye(4)), "shape"),
-    ("K.npy", "objects", lambda path: np.save(path, np.array([{}], dtype=object), allow_pickle=True), "damaged"),
+    ("K.npy", "objects", lambda path: np.save(path, np.array([{}], dtype=object), allow_pickle=True), "np.savez"),
 ]
 POSES = [
     ("T.json", "a number", as_json(5), "shape"),
     ("T.json", "a row", as_json([1, 2, 3, 4]), "shape"),
-    ("T.json", "three by four", as_json(T[:3].tolist()), "shape"),
+    ("T.json", "two by four", as_json(T[:2].tolist()), "shape"),
     ("T.json", "nothing", as_json([]), "shape"),
     ("T.json", "another key", as_json({"pose": T.tolist()}), "T_input_camera"),
     ("T.json", "two for one image", as_json([T.tolist(), T.tolist()]), "one a depth image"),

@@ -124,13 +124,17 @@ def test_notes_and_plane_of_a_scene_on_a_table(cloud: Path, tmp_path: Path) -> N
         ({"viewpoints": [[0, 0, "a"]]}, "viewpoints: expected any number x 3 numbers"),
         ({"viewpoints": [[0, 0, 700]]}, r"viewpoints: expected within 10 m of the points, got .* settings are in m"),
         ({"viewpoints": [[0.1, 0, 0.22]]}, "expected the viewpoint outside of the points"),
-        ({"unit": "mm"}, r"expected an extent of 0\.01 to 10 m, got 9\.783e-05 m with unit=mm; unit=m would fit"),
+        (
+            {"unit": "mm"},
+            r"expected an extent of 0\.01 to 10 m, got 9\.783e-05 m with unit=mm; unit=m would fit",
+        ),
         ({"crop_low": [1, 1, 1]}, r"expected points in the box, got none; they span x .* m with unit=m"),
         ({"crop_low": [1, 0, 0], "crop_high": [0, 1, 1]}, "crop_low: expected below crop_high"),
         ({"crop_low": [1, 0]}, "crop_low: expected 3 finite numbers"),
         ({"crop_high": "box"}, "crop_high: expected 3 numbers, got 'box'"),
         ({"max_points": 10}, r"ball.npy: expected at most 10 points \(max_points\)"),
-        ({"mask": "m.png"}, "mask: expected with depth images, which need intrinsics only"),
+        ({"mask": "m.png"}, "m.png: expected a file, got nothing there"),
+        ({"mask": "m.png", "segments": "m.png"}, "mask: expected mask or segments, got both"),
         ({"poses": "T.txt"}, "poses: expected with depth images"),
         ({"stride": 2}, "stride: expected with depth images"),
         ({"intrinsics": "K.txt"}, "K.txt: expected a file, got nothing there"),
@@ -146,11 +150,11 @@ def test_settings_that_do_not_fit(changes: dict, message: str, cloud: Path) -> N
 
 def test_metres_that_are_millimetres(ball: Oriented, tmp_path: Path) -> None:
     np.save(tmp_path / "mm.npy", 1000 * ball[0])
-    with pytest.raises(InputError, match=r"mm.npy: expected .* got 99.98 m with unit=m; unit=mm would fit"):
+    with pytest.raises(InputError, match=r"mm.npy: expected .* got 99.98 m with unit=m; unit=cm or unit=mm would fit"):
         read(input=tmp_path / "mm.npy", viewpoints=[[0, 0, 1]])
     trimesh.creation.box([60.0, 60, 60]).export(tmp_path / "box.stl")
     for mesh in ("whole", "sensed"):
-        with pytest.raises(InputError, match="got 60 m with unit=m; unit=mm would fit"):
+        with pytest.raises(InputError, match="got 60 m with unit=m; unit=cm or unit=mm would fit"):
             read(input=tmp_path / "box.stl", mesh=mesh)
     trimesh.creation.box([0.06, 0.06, 0.06]).export(tmp_path / "m.stl")
     with pytest.raises(InputError, match=r"got 6e-05 m with unit=mm; unit=m would fit"):
@@ -186,7 +190,7 @@ def test_bad_meshes(tray: trimesh.Trimesh, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("points", "normals", "message"),
     [
-        (np.full((4, 3), np.nan), None, "live: expected finite points, got 4"),
+        (np.full((4, 3), np.nan), None, "live: expected points, got none: all 4 are NaN, infinite or 0 0 0"),
         (
             5e5 + 0.01 * np.arange(60).reshape(20, 3),
             np.tile([0.0, 0, 1], (20, 1)),

@@ -11,7 +11,11 @@ import yaml
 from PIL import Image
 
 from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
-from spgf_torch.scene.depth import camera_of, every, learned_stride, read_depth, read_intrinsics, read_mask, read_poses
+from spgf_torch.scene.depth import camera_of, every, learned_stride
+from spgf_torch.scene.depth_files import in_metres, read_depth_file
+from spgf_torch.scene.intrinsics import Intrinsics, read_intrinsics
+from spgf_torch.scene.labels import read_mask
+from spgf_torch.scene.poses import read_poses
 from spgf_torch.scene.scene import Scene, read_scene, scene_of_views
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, cast, look_at
@@ -110,7 +114,7 @@ def test_sixteen_bits_survive(tmp_path: Path) -> None:
     """Every value of 16 bits; the highest means that nothing was measured."""
     counts = np.arange(65536, dtype=np.uint16).reshape(256, 256)
     Image.fromarray(counts).save(tmp_path / "d.png")
-    depth = read_depth(tmp_path / "d.png", 0.0002, "m", 10**6)
+    depth, _ = in_metres(read_depth_file(tmp_path / "d.png", 10**6), 0.0002, "m", None)
     np.testing.assert_allclose(depth.ravel()[:-1], 0.0002 * np.arange(65535))
     assert depth[-1, -1] == 0
 
@@ -161,9 +165,10 @@ ROS = {"image_width": 100, "image_height": 80, "camera_matrix": {"rows": 3, "col
 )
 def test_intrinsics(name: str, content: str, stated: bool, tmp_path: Path) -> None:
     (tmp_path / name).write_text(content)
-    matrix, size = read_intrinsics(tmp_path / name)
-    np.testing.assert_array_equal(matrix, K)
-    assert size == ((100, 80) if stated else None)
+    given = read_intrinsics(tmp_path / name)
+    np.testing.assert_array_equal(given.K, K)
+    assert given.notes == ()
+    assert given.size == ((100, 80) if stated else None)
 
 
 def test_poses(tmp_path: Path) -> None:
@@ -174,7 +179,7 @@ def test_poses(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "one.txt", first)
     (tmp_path / "two.yaml").write_text(yaml.safe_dump(second.tolist()))
     for names in (["both.txt"], ["both.npy"], ["both.json"], ["one.txt", "two.yaml"]):
-        np.testing.assert_allclose(read_poses([tmp_path / name for name in names]), [first, second])
+        np.testing.assert_allclose(read_poses([tmp_path / name for name in names])[0], [first, second])
 
 
 def matrix(**entries: float) -> str:
@@ -187,7 +192,7 @@ def matrix(**entries: float) -> str:
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("K.txt", "1 2\n3 4\n", r"expected K with 3 x 3 numbers, got shape \(2, 2\)"),
+        ("K.txt", "1 2\n3 4\n5 6\n", r"expected K with 3 x 3 numbers, or fx fy cx cy; got shape \(3, 2\)"),
         ("K.txt", "1 2 3\n4 5\n", "expected a matrix of numbers, got"),
         ("K.txt", "a b c\n", "expected numbers as text, JSON, YAML or .npy, got could not convert"),
         ("K.json", matrix(k00=float("nan")), "expected K with finite numbers"),
@@ -195,10 +200,14 @@ def matrix(**entries: float) -> str:
         ("K.json", matrix(k11=-290), "expected focal lengths above 0 in K, got 280 and -290"),
         ("K.json", matrix(k22=2), "expected K = fx s cx; 0 fy cy; 0 0 1, got"),
         ("K.json", '{"K": [[280, 0', "expected numbers as text, JSON, YAML or .npy"),
-        ("K.json", '{"D": [0]}', "expected one of camera_matrix, K, k, intrinsic_matrix or fx, fy, cx, cy; got D"),
+        (
+            "K.json",
+            '{"D": [0]}',
+            "expected one of camera_matrix, K, k, intrinsic_matrix, cam_K or fx, fy, cx, cy; got D",
+        ),
         ("K.json", '{"K": "calib"}', "expected a matrix of numbers, got calib"),
         ("K.yaml", "camera_matrix: {rows: 3", "expected numbers as text, JSON, YAML or .npy"),
-        ("K.yaml", "camera_matrix: {rows: 3}", "expected K with 3 x 3 numbers"),
+        ("K.yaml", "camera_matrix: {rows: 3}", "expected one of camera_matrix, .* got camera_matrix"),
         ("K.yaml", "K: !!python/object/apply:os.getcwd []", "expected numbers as text, JSON, YAML or .npy"),
         ("K.txt", "", "expected data, got an empty file"),
     ],
@@ -214,15 +223,15 @@ def test_bad_intrinsics(name: str, content: str, message: str, tmp_path: Path) -
 def test_K_of_another_size_is_told() -> None:  # noqa: N802
     """By the file's own size, or by a principal point far from the image's middle; a stated cut-out may have one."""
     depth = np.ones((80, 100))
-    assert camera_of(depth, K, (100, 80), np.eye(4), "d").width == 100
+    assert camera_of(depth, Intrinsics(K, (100, 80)), np.eye(4), "d")[0].width == 100
     with pytest.raises(InputError, match="d: expected K of an image of 100 x 80 pixels, got one of 200 x 160"):
-        camera_of(depth, K, (200, 160), np.eye(4), "d")
+        camera_of(depth, Intrinsics(K, (200, 160)), np.eye(4), "d")
     twice = np.diag([2.0, 2, 1]) @ K
     with pytest.raises(InputError, match=r"100 x 80 pixels, got the principal point \(99, 79\) far from its middle"):
-        camera_of(depth, twice, None, np.eye(4), "d")
+        camera_of(depth, Intrinsics(twice), np.eye(4), "d")
     with pytest.raises(InputError, match="principal point"):
-        camera_of(depth, np.diag([0.5, 0.5, 1]) @ K, None, np.eye(4), "d")
-    camera_of(depth, twice, (100, 80), np.eye(4), "d")
+        camera_of(depth, Intrinsics(np.diag([0.5, 0.5, 1]) @ K), np.eye(4), "d")
+    camera_of(depth, Intrinsics(twice, (100, 80)), np.eye(4), "d")
 
 
 def png(pixels: np.ndarray) -> Callable[[Path], None]:
@@ -239,20 +248,32 @@ def half(path: Path) -> None:
     [
         ("d.png", png(np.ones((8, 8), np.uint8)), "expected 16 bits and one channel, got 8 bits and 1 channels"),
         ("d.png", png(np.ones((8, 8, 3), np.uint8)), "expected 16 bits and one channel, got 8 bits and 3 channels"),
-        ("d.png", png(np.zeros((8, 8), np.uint16)), "expected pixels with a depth, got none of 64"),
         ("d.png", half, "expected a whole image, got a damaged one"),
         ("d.png", lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\n"), "expected a whole image, got a damaged one"),
-        ("d.npy", lambda path: np.save(path, np.full((8, 8), np.nan)), "expected pixels with a depth, got none of 64"),
-        ("d.npy", lambda path: np.save(path, np.ones((8, 8, 2))), r"expected a depth image \(H, W\), got shape"),
+        ("d.npy", lambda path: np.save(path, np.ones((8, 8), np.uint8)), "expected floats or whole numbers of 16 bits"),
+        ("d.npy", lambda path: np.save(path, np.ones((8, 8), bool)), "expected floats or whole numbers of 16 bits"),
+        (
+            "d.npz",
+            lambda path: np.savez(path, K=np.eye(3)),
+            r"expected an array named depth of shape .*, got K \(3, 3\)",
+        ),
+        ("d.tiff", png(np.ones((8, 8), np.uint8)), "expected 16 bits and one channel, got 8 bits"),
+        ("d.pgm", lambda path: path.write_bytes(b"P5 8 8 255\n" + bytes(64)), "got a PGM of values up to 255"),
+        (
+            "d.pgm",
+            lambda path: path.write_bytes(b"P5 8 8 65535\n" + bytes(64)),
+            "expected 8 x 8 pixels, got 32: .* cut",
+        ),
+        ("d.npy", lambda path: np.save(path, np.ones((8, 8, 2))), r"expected a depth image \(H, W\), .* got shape"),
         ("d.npy", lambda path: path.write_bytes(b"\x93NUMPY\x01"), "expected a whole numpy file"),
-        ("d.npy", lambda path: np.save(path, np.array([{}])), "expected a whole numpy file"),
+        ("d.npy", lambda path: np.save(path, np.array([{}])), "got pickled Python objects"),
         ("d.pcd", lambda path: path.write_text("x"), "expected a depth image .*, since intrinsics are given; got .pcd"),
     ],
 )
 def test_bad_images(name: str, write: Callable[[Path], None], message: str, tmp_path: Path) -> None:
     write(tmp_path / name)
     with pytest.raises(InputError, match=message) as caught:
-        read_depth(tmp_path / name, 0.001, "m", 10**6)
+        read_depth_file(tmp_path / name, 10**6)
     assert str(caught.value).startswith(str(tmp_path / name))
     assert "\n" not in str(caught.value)
 
@@ -263,8 +284,9 @@ TURN = np.eye(4) + 0.1 * np.eye(4, k=1)
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (np.eye(3).tolist(), r"expected camera poses of 4 x 4 numbers, got shape \(3, 3\)"),
-        (np.eye(4)[:3].tolist(), "expected camera poses of 4 x 4 numbers"),
+        (np.eye(3).tolist(), r"expected camera poses of 4 x 4 or 3 x 4 numbers.* got shape \(3, 3\)"),
+        (np.eye(4)[:2].tolist(), "expected camera poses of 4 x 4 or 3 x 4 numbers"),
+        ([[0, 0, 0, 0, 0, 0, 2]], "expected unit quaternions qx qy qz qw at the ends of the lines"),
         (TURN.tolist(), "expected a rotation, a translation and 0 0 0 1"),
         (np.diag([1.0, 1, -1, 1]).tolist(), "expected a rotation"),
         (np.full((4, 4), float("inf")).tolist(), "expected a rotation"),
@@ -292,7 +314,7 @@ FAR[0, 3] = 400.0
         ({"poses": None}, "poses: expected T_input_camera of each of the 2 depth images, got none"),
         ({"poses": ["one.npy"]}, r"poses: expected one a depth image \(2\), got 1"),
         ({"poses": ["one.npy", "far.npy"]}, "poses: expected cameras within 10 m of the origin, got 400; mm"),
-        ({"mask": ["small.png"]}, r"mask: expected one image a depth image \(2\), got 1"),
+        ({"mask": ["small.png"]}, r"mask: expected one file a depth image \(2\), got 1"),
         ({"mask": ["small.png"] * 2}, r"small.png: expected \(80, 100\) pixels as .*0.png has, got \(8, 9\)"),
         ({"mask": ["empty.png"] * 2}, "empty.png: expected pixels above 0, which mark the target; got none"),
         ({"depth_scale": 1.0}, r"0.png: expected a median depth of 0\.01 to 10 m, got \d+ m; another depth_scale"),

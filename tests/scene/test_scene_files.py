@@ -1,5 +1,6 @@
 """Every format of point cloud, written by hand or by the stock writers, and read back; what is refused, and how."""
 
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 
@@ -88,12 +89,59 @@ def test_numpy(tmp_path: Path) -> None:
 
 
 def test_pixels_without_a_measurement_are_dropped(tmp_path: Path) -> None:
-    """NaN and the zeros that RealSense writes, in an image of points; a list of points may hold a zero."""
+    """NaN, infinity and the zeros that RealSense writes, in an image of points and in a list of them."""
     image = np.concatenate([POINTS, [[np.nan] * 3, [0.0, 0, 0], [np.nan, 0, 1]]]).reshape(2, 3, 3)
     np.save(tmp_path / "image.npy", image)
     np.testing.assert_allclose(read_cloud(tmp_path / "image.npy", LIMIT).points, POINTS)
-    np.save(tmp_path / "list.npy", np.concatenate([POINTS, np.zeros((1, 3))]))
-    assert len(read_cloud(tmp_path / "list.npy", LIMIT)) == 4
+    for other in (0.0, np.nan, np.inf, -np.inf):
+        np.save(tmp_path / "list.npy", np.concatenate([POINTS, np.full((1, 3), other)]))
+        cloud = read_cloud(tmp_path / "list.npy", LIMIT)
+        np.testing.assert_allclose(cloud.points, POINTS)
+        assert cloud.notes == ("1 of 4 points without a reading (NaN, infinite or 0 0 0) left out",)
+
+
+@pytest.mark.parametrize("bad", [0.0, np.nan, np.inf])
+def test_points_with_unusable_normals(bad: float, tmp_path: Path) -> None:
+    """A few: these points are left out. Most: there are no normals, and it is said."""
+    normals = NORMALS.copy()
+    normals[1] = bad
+    np.savez(tmp_path / "a.npz", points=POINTS, normals=normals)
+    cloud = read_cloud(tmp_path / "a.npz", LIMIT)
+    np.testing.assert_array_equal(cloud.points, POINTS[[0, 2]])
+    assert cloud.notes == ("normals NaN, infinite or of length 0 in 1 of 3 points: these points left out",)
+    normals[2] = bad
+    np.savez(tmp_path / "a.npz", points=POINTS, normals=normals)
+    cloud = read_cloud(tmp_path / "a.npz", LIMIT)
+    assert len(cloud) == 3
+    assert cloud.normals is None
+    assert cloud.notes[0].startswith("normals NaN, infinite or of length 0 in 2 of 3 points: estimated instead")
+
+
+def test_shapes_and_types_of_arrays(tmp_path: Path) -> None:
+    """Half and quadruple columns, other byte orders, whole numbers, fields by name as ROS and pyntcloud have them."""
+    fields = np.zeros(
+        3, [("X", ">f4"), ("y", "f8"), ("z", "f4"), ("rgb", "u4"), *((f"normal_{a}", "f4") for a in "xyz")]
+    )
+    for i, axis in enumerate("Xyz"):
+        fields[axis], fields[f"normal_{axis.lower()}"] = POINTS[:, i], NORMALS[:, i]
+    vector = np.zeros(3, [("xyz", "f4", (3,)), ("rgb", "u4")])
+    vector["xyz"] = POINTS
+    homogeneous = np.hstack([POINTS, np.ones((3, 1))])
+    for array in (fields, vector, homogeneous, POINTS.astype(">f4"), np.asfortranarray(POINTS), homogeneous[:, None]):
+        np.save(tmp_path / "a.npy", array)
+        cloud = read_cloud(tmp_path / "a.npy", LIMIT)
+        np.testing.assert_allclose(cloud.points, POINTS, atol=1e-6)
+        assert (cloud.normals is None) == (array is not fields)
+    np.save(tmp_path / "a.npy", (1000 * POINTS).astype(np.int16))
+    np.testing.assert_array_equal(read_cloud(tmp_path / "a.npy", LIMIT).points, 1000 * POINTS)
+
+
+@pytest.mark.parametrize("name", ["xyz", "pc", "arr_0", "unheard_of"])
+def test_an_array_of_another_name(name: str, tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", **{name: POINTS, "rgb": np.zeros((3, 3), np.uint8)})
+    cloud = read_cloud(tmp_path / "a.npz", LIMIT)
+    np.testing.assert_array_equal(cloud.points, POINTS)
+    assert cloud.notes == (f"array {name} taken for the points",)
 
 
 def saved(array: object) -> Callable[[Path], None]:
@@ -111,7 +159,6 @@ def written(content: bytes | str) -> Callable[[Path], None]:
 NAN = POINTS * np.array([[1.0], [np.nan], [1.0]])
 BINARY = ply("binary_little_endian", BOTH, "x y z nx ny nz")
 ASCII = ply("ascii", BOTH, "x y z nx ny nz")
-COLOURS = np.hstack([POINTS, [[255, 0, 0], [10, 20, 30], [0, 0, 7]]])
 
 
 @pytest.mark.parametrize(
@@ -121,30 +168,32 @@ COLOURS = np.hstack([POINTS, [[255, 0, 0], [10, 20, 30], [0, 0, 7]]])
         ("a.ply", written(ply("ascii", POINTS[:0], "x y z")), "expected points, got none"),
         ("a.xyz", written("# nothing\n"), "expected points, got none"),
         ("a.xyz", written(""), "expected data, got an empty file"),
-        ("a.npy", saved(np.full((2, 2, 3), np.nan)), "all 4 pixels are NaN or zero"),
-        ("a.npy", saved(NAN), "expected finite points, got 1 with NaN or infinity"),
-        ("a.npy", saved(np.where(np.isnan(NAN), np.inf, NAN)), "expected finite points, got 1"),
-        ("a.npy", saved(np.where(np.isnan(NAN), -np.inf, NAN)[None]), "expected finite points, got 1"),
-        ("a.txt", written("1 2 3\nnan 0 0\n"), "expected finite points, got 1"),
-        ("a.npz", zipped(points=POINTS, normals=NAN), "expected finite normals, got 1"),
-        ("a.npz", zipped(points=POINTS, normals=0 * POINTS), "expected normals of length 1, got 3 of 3 with length 0"),
-        ("a.npy", saved(COLOURS), r"got lengths of 7 to 255 \(colours\?"),
+        ("a.npy", saved(np.full((2, 2, 3), np.nan)), "expected points, got none: all 4 are NaN, infinite or 0 0 0"),
+        ("a.npz", zipped(points=POINTS, normals=300 * NORMALS), r"got lengths of 300 to 300 \(colours\?"),
+        ("a.npy", saved(np.hstack([POINTS, 3 * NORMALS])), r"expected normals of length 1, got lengths of 3 to 3"),
+        ("a.npy", saved(POINTS.astype(np.uint8)), "points: expected numbers, got uint8"),
+        ("a.npy", saved(np.ones((3, 700))), r"expected shape \(N, 3\).*transpose it"),
+        ("a.npy", saved(np.hstack([POINTS, POINTS[:, :1]])), "expected 3 columns x y z or 6 with normals"),
+        ("a.npy", saved(np.zeros(3, [("u", "f4"), ("v", "f4")])), "expected columns named x, y, z .*; got u, v"),
         ("a.npz", zipped(points=POINTS, normals=NORMALS[:2]), "expected points and normals of one shape"),
-        ("a.npz", zipped(xyz=POINTS), "expected an array named points, got xyz"),
+        ("a.npz", zipped(a=POINTS, b=POINTS), r"expected an array named points, got a \(3, 3\), b \(3, 3\); save"),
         (
             "a.npz",
             zipped(points=POINTS, viewpoints=np.zeros((2, 6))),
             r"expected viewpoints of shape \(N, 3\), got \(2, 6\)",
         ),
-        ("a.npy", saved(POINTS.T[:, :2]), r"expected shape \(N, 3\).*a depth image\? then give intrinsics"),
-        ("a.npy", saved(np.array([{"x": 1}])), "expected a whole numpy file"),
+        ("a.npy", saved(np.ones((9, 2))), r"expected shape \(N, 3\).*a depth image\? then give intrinsics"),
+        ("a.npy", saved(np.array([{"x": 1}])), "got pickled Python objects, which can run code .* np.savez"),
+        ("a.npy", written(pickle.dumps({"x": 1})), "got pickled Python objects"),
+        ("a.npz", written(pickle.dumps({"x": 1})), "got pickled Python objects"),
+        ("a.npz", zipped(points=np.array([{}])), "got pickled Python objects"),
         ("a.npy", saved(np.array([["a", "b", "c"]])), "expected numbers, got <U1"),
         ("a.npy", written(b"\x93NUMPY\x01\x00v\x00{'descr': '<f8'"), "expected a whole numpy file"),
         ("a.npz", written(b"PK\x03\x04 half a zip"), "expected a whole numpy file"),
         ("a.npy", saved(np.ones((LIMIT + 1, 3))), r"at most 1000 points \(max_points\), got 1001; thin"),
         ("a.ply", written(ply("ascii", np.ones((LIMIT + 1, 3)), "x y z")), "at most 1000 points"),
         ("a.xyz", written("1 2 3\n" * (LIMIT + 5)), "at most 1000 points"),
-        ("a.ply", written(BINARY[:-20]), "damaged or cut file"),
+        ("a.ply", written(BINARY[:-20]), "expected 3 of vertex as its header says, got 2: the file is cut"),
         (
             "a.ply",
             written(BINARY[: BINARY.index(b"end_header")]),
@@ -153,7 +202,17 @@ COLOURS = np.hstack([POINTS, [[255, 0, 0], [10, 20, 30], [0, 0, 7]]])
         ("a.ply", written("solid\n"), "expected a PLY header that ends with end_header, got none"),
         ("a.ply", written(ASCII[:-30]), "cut"),
         ("a.ply", written(ASCII[: len(ASCII) // 2 + 60]), "cut"),
-        ("a.ply", written(ply("ascii", POINTS[:, :2], "x y")), "damaged or cut file"),
+        (
+            "a.ply",
+            written(ply("ascii", POINTS[:, :2], "x y")),
+            "expected vertices with properties x, y and z, got x, y",
+        ),
+        (
+            "a.ply",
+            written(ASCII.replace(b"uchar red", b"bool red")),
+            "property red: expected a type .*, got bool; write",
+        ),
+        ("a.ply", written(ASCII.replace(b"0.25", b"a.25")), "expected numbers after the header .*, got other words"),
         ("a.xyz", written("1 2 3\n4 5\n"), "expected rows of numbers"),
         ("a.xyz", written("1 2 3\n4 five 6\n"), "expected rows of numbers.*five"),
         ("a.xyz", written(bytes(range(128, 256))), "expected rows of numbers"),

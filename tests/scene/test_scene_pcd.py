@@ -88,25 +88,46 @@ def test_pixels_without_a_measurement_are_dropped(data: str, tmp_path: Path) -> 
     rows = ROWS.copy()
     rows["y"][[1, 4]] = np.nan
     (tmp_path / "a.pcd").write_bytes(pcd(data, rows, WIDTH="2", HEIGHT="3"))
-    np.testing.assert_array_equal(read_cloud(tmp_path / "a.pcd", LIMIT).points[:, 0], np.array([0, 2, 3, 5]) / 8)
+    image = read_cloud(tmp_path / "a.pcd", LIMIT)
+    np.testing.assert_array_equal(image.points[:, 0], np.array([0, 2, 3, 5]) / 8)
+    np.testing.assert_array_equal(image.pixels, [[0, 0], [1, 0], [1, 1], [2, 1]])
     (tmp_path / "a.pcd").write_bytes(pcd(data, rows))
-    with pytest.raises(InputError, match="expected finite points, got 2 with NaN or infinity"):
-        read_cloud(tmp_path / "a.pcd", LIMIT)
+    cloud = read_cloud(tmp_path / "a.pcd", LIMIT)
+    np.testing.assert_array_equal(cloud.points, image.points)
+    assert cloud.pixels is None
+    assert cloud.notes == ("2 of 6 points without a reading (NaN, infinite or 0 0 0) left out",)
 
 
 def test_points_alone_and_old_headers(tmp_path: Path) -> None:
-    """No COUNT, no VIEWPOINT, no POINTS; COLUMNS was the name of FIELDS before 0.5. The camera is then the origin."""
+    """No COUNT, no VIEWPOINT, no POINTS; COLUMNS was the name of FIELDS before 0.5. The camera is not known."""
     head = "COLUMNS rgb z y x\nSIZE 4 8 4 2\nTYPE U F F I\nWIDTH 2\nHEIGHT 1\nDATA ascii\n"
     (tmp_path / "a.pcd").write_text(head + "9 1.5 2 3\n9 2.5 3 4\n")
     cloud = read_cloud(tmp_path / "a.pcd", LIMIT)
     np.testing.assert_array_equal(cloud.points, [[3, 2, 1.5], [4, 3, 2.5]])
-    np.testing.assert_array_equal(cloud.viewpoints, [[0, 0, 0]])
+    assert cloud.viewpoints is None
     assert cloud.normals is None
 
 
-def test_the_identity_viewpoint_says_nothing_beside_normals(tmp_path: Path) -> None:
-    (tmp_path / "a.pcd").write_bytes(pcd("binary", VIEWPOINT="0 0 0 1 0 0 0"))
+@pytest.mark.parametrize("words", ["0 0 0 1 0 0 0", "0.0 -0 0e0 1.0 0 0 0", "-0 0 0 -1 0 0 0", "0 0 0 0 0 0 0"])
+@pytest.mark.parametrize("fields", [HEAD["FIELDS"], "x y z _ a b c"], ids=["normals", "points alone"])
+def test_the_identity_viewpoint_says_nothing(words: str, fields: str, tmp_path: Path) -> None:
+    (tmp_path / "a.pcd").write_bytes(pcd("binary", VIEWPOINT=words, FIELDS=fields))
     assert read_cloud(tmp_path / "a.pcd", LIMIT).viewpoints is None
+    (tmp_path / "a.pcd").write_bytes(pcd("binary", VIEWPOINT="0 0 0 0 1 0 0", FIELDS=fields))
+    np.testing.assert_array_equal(read_cloud(tmp_path / "a.pcd", LIMIT).viewpoints, [[0, 0, 0]])
+
+
+@pytest.mark.parametrize("fields", ["X Y Z _ Normal_X Normal_Y Normal_Z", "x y z _ nx ny nz"])
+def test_names_of_fields_as_programs_write_them(fields: str, tmp_path: Path) -> None:
+    content = pcd("ascii", FIELDS=fields, TYPE="f f f u f f f").replace(b"DATA ascii", b"data ASCII")
+    (tmp_path / "a.pcd").write_bytes(content)
+    np.testing.assert_allclose(read_cloud(tmp_path / "a.pcd", LIMIT).normals, np.tile([0.6, 0, 0.8], (6, 1)))
+
+
+def test_nan_as_windows_writes_it(tmp_path: Path) -> None:
+    for word in (b"1.#QNAN", b"-1.#IND", b"-nan(ind)", b"nan(0x8)", b"-nan", b"1.#INF"):
+        (tmp_path / "a.pcd").write_bytes(pcd("ascii").replace(b"1.5", word, 2))
+        assert len(read_cloud(tmp_path / "a.pcd", LIMIT)) == 4
 
 
 def test_lzf_by_hand() -> None:
@@ -150,7 +171,7 @@ def test_a_file_cut_in_half(data: str, share: float, tmp_path: Path) -> None:
         (pcd("ascii", POINTS="7"), "expected POINTS = WIDTH x HEIGHT = 6, got 7"),
         (pcd("ascii", VIEWPOINT="0 0 0"), "VIEWPOINT: expected 7 values"),
         (pcd("ascii", VIEWPOINT="0 0 0 1 0 0 x"), "VIEWPOINT: expected seven numbers"),
-        (pcd("ascii", VIEWPOINT="0 0 nan 1 0 0 0"), "expected finite viewpoints"),
+        (pcd("ascii", VIEWPOINT="0 0 nan 1 0 0 0"), "VIEWPOINT: expected seven numbers, got 0 0 nan"),
         (
             pcd("ascii").replace(b"DATA ascii", b"DATA zip"),
             "DATA: expected ascii, binary or binary_compressed, got zip",
@@ -158,7 +179,8 @@ def test_a_file_cut_in_half(data: str, share: float, tmp_path: Path) -> None:
         (pcd("ascii").replace(b"1.5", b"one"), "expected numbers after DATA ascii, got other words"),
         (pcd("ascii", ROWS[:0]), "expected points, got none"),
         (pcd("ascii", np.zeros(LIMIT + 1, ROW)), r"at most 1000 points \(max_points\), got 1001; thin"),
-        (pcd("ascii", np.zeros(2, ROW)), "2 of 2 with length 0"),
+        (pcd("ascii", np.zeros(2, ROW)), "expected points, got none: all 2 are NaN, infinite or 0 0 0"),
+        (pcd("ascii", FIELDS="x y z _ x normal_y normal_z"), "COUNT of x: expected 1, got 2 fields of this name"),
         (b"not a header", "expected a PCD header that ends with DATA, got none"),
         (pcd("binary_compressed")[:-8] + b"\xff" * 8, "expected LZF compressed data, got damaged ones"),
     ],
