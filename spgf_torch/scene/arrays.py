@@ -81,7 +81,7 @@ def view_of_arrays(
     if mask is not None and segments is not None:
         raise InputError(f"{name}: expected mask or segments, got both")
     image = flat(name, np.asarray(depth))
-    file = DepthFile(image, counts_array(name, image))
+    file = DepthFile(image, counts := counts_array(name, image), told=counts)
     values, notes = in_metres(file, depth_scale, "m", None)
     if not (np.isfinite(values) & (values > 0)).any():
         raise InputError(f"{name}: expected pixels with a depth, got none of {values.size}")

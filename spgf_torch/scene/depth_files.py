@@ -41,6 +41,8 @@ class DepthFile:
         counts: whole numbers, each of `depth_scale`; otherwise lengths in `unit`.
         intrinsics: those in the file; None: it has none.
         depth_scale: m per count that the file states.
+        segments: the array of label numbers beside the depth; None: there is none.
+        told: whether it must be said what a count was taken for, as arrays of whole numbers do not tell.
         notes: what was taken for what, a line each.
     """
 
@@ -48,6 +50,8 @@ class DepthFile:
     counts: bool
     intrinsics: Intrinsics | None = None
     depth_scale: float | None = None
+    segments: str | None = None
+    told: bool = False
     notes: tuple[str, ...] = ()
 
 
@@ -114,6 +118,8 @@ def in_metres(
         key = f"depth_scale={scale:g}" if scale is not None else f"unit={unit}"
         notes.append(f"{key} taken: {wanted:g} m per count; the camera's file says {known:g}")
     used = wanted if wanted is not None else known if known is not None else MILLIMETRES
+    if file.told:
+        notes.append(f"depth of whole numbers taken as counts of {used:g} m")
     values = file.values.astype(np.float64)
     if file.values.dtype.itemsize == 2 or file.values.max(initial=0) == _SATURATED:
         values = np.where(values == _SATURATED, 0.0, values)
@@ -174,12 +180,9 @@ def _of_npz(path: Path, limit: int) -> DepthFile:
     file = _of_array(path, key, arrays[key], limit)
     scale, notes = depth_scale_of({name: arrays[name] for name in _SCALES if name in arrays})
     K = next((arrays[name] for name in _KS if name in arrays and arrays[name].dtype.kind in "fiu"), None)
-    for name in _SEGMENTS:
-        if name in headers:
-            notes = (*notes, f"{name} beside the depth is not used; segments={path.name} makes its numbers targets")
-            break
+    segments = next((name for name in _SEGMENTS if name in headers), None)
     intrinsics = None if K is None else Intrinsics(checked_K(f"{path}: K", K))
-    return replace(file, intrinsics=intrinsics, depth_scale=scale, notes=(*file.notes, *notes))
+    return replace(file, intrinsics=intrinsics, depth_scale=scale, segments=segments, notes=(*file.notes, *notes))
 
 
 def _depth_key(headers: dict[str, tuple[tuple[int, ...], np.dtype]]) -> str | None:

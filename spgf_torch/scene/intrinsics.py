@@ -14,7 +14,7 @@ from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.structured import number_array, structured
 
 _MATRICES = (
-    "camera_matrix", "K", "k", "intrinsic_matrix", "cam_K", "intrinsicMatrix", "cameraMatrix", "camera_intrinsics",
+    "K", "intrinsic_matrix", "cam_K", "camera_matrix", "k", "intrinsicMatrix", "cameraMatrix", "camera_intrinsics",
     "camera_intrinsic", "intrinsics", "intrinsic", "_K", "mtx",
 )  # fmt: skip
 _SCALES = ("depth_scale", "factor_depth", "depth_units", "depthScale")
@@ -89,8 +89,7 @@ def read_intrinsics(path: Path, image: Path | None = None) -> Intrinsics:
     values = structured(path, _NPZ)
     if not isinstance(values, dict):
         return Intrinsics(checked_K(str(path), number_array(path, values)))
-    values = _of_scene(path, values, image)
-    return _of_mapping(path, values)
+    return _of_mapping(path, _of_trajectory(path, _of_scene(path, values, image)))
 
 
 def given_intrinsics(values: Any) -> Intrinsics:
@@ -139,6 +138,16 @@ def _of_scene(path: Path, values: dict[Any, Any], image: Path | None) -> dict[An
     raise InputError(f"{path}: expected a depth image named by its number, one of {listed}; got {got}")
 
 
+def _of_trajectory(path: Path, values: dict[Any, Any]) -> dict[Any, Any]:
+    """The camera of an Open3D camera trajectory, where all have the same intrinsics."""
+    cameras = values.get("parameters")
+    if not isinstance(cameras, list) or not cameras or not all(isinstance(each, dict) for each in cameras):
+        return values
+    if any(each.get("intrinsic") != cameras[0].get("intrinsic") for each in cameras):
+        raise InputError(f"{path}: expected one camera, got {len(cameras)} of several intrinsics; give a file of each")
+    return cameras[0]
+
+
 def _of_mapping(path: Path, values: dict[Any, Any]) -> Intrinsics:
     K, inner = _matrix(path, values)
     notes: list[str] = []
@@ -167,7 +176,7 @@ def _of_mapping(path: Path, values: dict[Any, Any]) -> Intrinsics:
         )
     if "extrinsic" in values:
         notes.append("the extrinsic beside K is not used; give poses=")
-    scale, note = depth_scale_of(sizes)
+    scale, note = depth_scale_of({**_scales(values), **sizes})
     return Intrinsics(
         checked_K(str(path), raw), _size(sizes), scale, (*notes, *note), _roi(path, values), _binning(path, values)
     )
@@ -194,8 +203,17 @@ def _matrix(path: Path, values: dict[Any, Any], depth: int = 0) -> tuple[Any, di
         if depth < 3 and isinstance(values.get(key), dict):
             K, inner = _matrix(path, values[key], depth + 1)
             if K is not None:
-                return K, inner
+                return K, {**values, **inner}
     return None, values
+
+
+def _scales(values: dict[Any, Any], depth: int = 0) -> dict[str, Any]:
+    """The depth scales that stand anywhere in a mapping of mappings."""
+    found = {key: values[key] for key in _SCALES if key in values}
+    for entry in values.values():
+        if isinstance(entry, dict) and depth < 3:
+            found = {**_scales(entry, depth + 1), **found}
+    return found
 
 
 def depth_scale_of(values: dict[Any, Any]) -> tuple[float | None, tuple[str, ...]]:
@@ -216,13 +234,13 @@ def depth_scale_of(values: dict[Any, Any]) -> tuple[float | None, tuple[str, ...
         except (TypeError, ValueError, OverflowError):
             return None, (f"{key} {str(given)[:20]} is not understood and not used",)
         if 100 <= number <= 1e6:
-            return 1 / number, (f"{key} {number:g} taken as counts per metre: {1 / number:g} m per count",)
+            return 1 / number, (f"{key} {number:g} read as counts per metre: {1 / number:g} m per count",)
         if 0.01 <= number <= 10 and key in ("depth_scale", "depthScale"):
             return number * 1e-3, (
-                f"{key} {number:g} taken as mm per count, as BOP has it: {number * 1e-3:g} m per count",
+                f"{key} {number:g} read as mm per count, as BOP has it: {number * 1e-3:g} m per count",
             )
         if 1e-6 <= number < 0.01:
-            return number, (f"{key} {number:g} taken as m per count",)
+            return number, (f"{key} {number:g} read as m per count",)
         return None, (f"{key} {number:g} is not understood and not used; give depth_scale= in m per count",)
     return None, ()
 

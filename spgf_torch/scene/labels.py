@@ -63,7 +63,8 @@ def label_array(name: str, values: np.ndarray) -> np.ndarray:
 def fitting(name: str, values: np.ndarray, shape: tuple[int, ...], whose: str) -> np.ndarray:
     """`values` in `shape`, (H, W) or (N,): axes of length 1 are added or left out; InputError for another shape."""
     trimmed = tuple(n for n in values.shape if n != 1)
-    if trimmed != tuple(n for n in shape if n != 1):
+    flat = values.ndim == 1 and values.size == np.prod(shape)
+    if not flat and trimmed != tuple(n for n in shape if n != 1):
         what = "pixels" if len(shape) == 2 else "values"
         raise InputError(f"{name}: expected {shape} {what} as {whose} has, got {values.shape}")
     return values.reshape(shape)

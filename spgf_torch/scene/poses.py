@@ -33,6 +33,7 @@ def read_poses(paths: Sequence[Path]) -> tuple[np.ndarray, tuple[str, ...]]:
         values = structured(path)
         if isinstance(values, dict):
             values = _of_mapping(path, values, notes)
+        values = _without_counters(path, values, notes)
         poses.extend(checked_pose(str(path), T) for T in _matrices(path, number_array(path, values), notes))
     return np.array(poses), tuple(notes)
 
@@ -69,10 +70,20 @@ def _of_mapping(path: Path, values: dict[str, Any], notes: list[str]) -> Any:
     raise InputError(f"{path}: expected a key T_input_camera, got {', '.join(map(str, values))}")
 
 
+def _without_counters(path: Path, values: Any, notes: list[str]) -> Any:
+    """The rows of matrices of a Redwood .log file, which has a line of three numbers before each."""
+    if not isinstance(values, list) or not all(isinstance(row, list) for row in values):
+        return values
+    if [len(row) for row in values] != [3, 4, 4, 4, 4] * (len(values) // 5) or not values:
+        return values
+    notes.append(f"{path.name}: lines of three numbers before the poses taken for their counters (Redwood .log)")
+    return [row for row in values if len(row) == 4]
+
+
 def _matrices(path: Path, array: np.ndarray, notes: list[str]) -> np.ndarray:
     """(V, 4, 4) of numbers in any of the layouts."""
-    if array.ndim == 1 and array.size in (12, 16):
-        array = array.reshape(-1, 4)
+    if array.ndim in (1, 2) and array.shape[-1:] in ((12,), (16,)):  # a pose a line, as KITTI has them
+        array = array.reshape(-1, array.shape[-1] // 4, 4)
     if array.ndim in (1, 2) and array.size and array.shape[-1] in (7, 8):
         return _of_lines(path, np.atleast_2d(array), notes)
     if array.ndim < 2 or not array.size or array.shape[-1] != 4:

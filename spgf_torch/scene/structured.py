@@ -17,6 +17,9 @@ from spgf_torch.scene.images import numbers
 WHAT = "numbers as text, JSON, YAML or .npy"
 # What `ros2 topic echo` writes between messages, without a line break after it.
 _LOST = re.compile(r"A message was lost!!!\s+total count change:\s*\d+\s+total count:\s*\d+")
+# Between numbers; brackets are what numpy prints around them.
+_SEPARATORS = str.maketrans(",;[]", "    ")
+_ASSIGNMENT = re.compile(r"^[ \t]*(\w+)[ \t]*=[ \t]*(?=\S)", re.MULTILINE)
 _DOCUMENT = re.compile(r"^(?:---|\.\.\.)[ \t]*$", re.MULTILINE)
 _MATLAB = (b"MATLAB 5.0", b"MATLAB 7.3")
 _LARGEST_MATLAB = 64_000_000  # bytes, unpacked
@@ -42,7 +45,7 @@ def structured(path: Path, keys: tuple[str, ...] = ()) -> Any:
         there = npz_headers(path)
         wanted = [key for key in keys if key in there]
         if not wanted:
-            raise InputError(f"{path}: expected one of {', '.join(keys)}; got {', '.join(there) or 'nothing'}")
+            raise InputError(f"{path}: expected an array {' or '.join(keys[:4])}, got {', '.join(there) or 'nothing'}")
         return npz_arrays(path, wanted, _MOST_NUMBERS)
     if head.startswith(_MATLAB):
         return _matlab(path, keys)
@@ -81,7 +84,7 @@ def _error_of(content: str) -> BaseException:
 
 def _rows(content: str) -> tuple[list[list[float]] | None, ValueError | None]:
     """Rows of numbers as text, or why it is none."""
-    lines = [line.split("#")[0].replace(",", " ").replace(";", " ").split() for line in content.splitlines()]
+    lines = [line.split("#")[0].translate(_SEPARATORS).split() for line in content.splitlines()]
     try:
         return [[float(word) for word in line] for line in lines if line], None
     except ValueError as error:
@@ -94,7 +97,7 @@ def _yaml(path: Path, content: str, error: ValueError | None) -> Any:
     documents = [part for part in _DOCUMENT.split(plain) if re.sub(r"(?m)#.*$", "", part).strip()]
     if len(content) > LARGEST_YAML or not documents:
         raise InputError(f"{path}: expected {WHAT} of at most {LARGEST_YAML} bytes, got {len(content)}")
-    values = yaml_of(documents[0], path, WHAT)
+    values = yaml_of(_ASSIGNMENT.sub(r"\1: ", documents[0]), path, WHAT)
     if not isinstance(values, dict | list):
         raise unreadable(path, WHAT, error or ValueError("a word"))
     return values
@@ -112,10 +115,10 @@ def _matlab(path: Path, keys: tuple[str, ...]) -> dict[str, np.ndarray]:
         )
     try:
         there = {name: (shape, kind) for name, shape, kind in scipy.io.whosmat(path)}
-        plain = ("double", "single", "logical", "uint8", "int16", "uint16", "int32", "uint32")
+        plain = ("double", "single", "logical", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
         wanted = [name for name in keys if name in there and there[name][1] in plain and np.prod(there[name][0]) <= 64]
         if not wanted:
-            raise InputError(f"{path}: expected one of {', '.join(keys)}; got {', '.join(there) or 'nothing'}")
+            raise InputError(f"{path}: expected an array {' or '.join(keys[:4])}, got {', '.join(there) or 'nothing'}")
         loaded = scipy.io.loadmat(path, variable_names=wanted)
         return {name: np.squeeze(np.asarray(loaded[name], dtype=np.float64)) for name in wanted}
     except InputError:

@@ -25,6 +25,8 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 # NaN and infinity as C libraries, Windows and databases write them.
 _NO_NUMBER = re.compile(r"[+-]?(?:1\.#\w+|nan\(.*\)|nan|inf|infinity|null|none|na|n/a|-)?", re.IGNORECASE)
 
+_WINDOWS_NAN = re.compile(r"[+-]?1\.#\w+")
+
 
 @dataclass(frozen=True)
 class _Form:
@@ -171,7 +173,9 @@ def _numbers(path: Path, form: _Form, wanted: tuple[int, ...] | None, limit: int
                 return np.loadtxt(path, **settings)
             except ValueError:
                 pass
-        return np.loadtxt(path, converters=_with_comma if form.comma else _number, **settings)
+        with path.open(encoding="utf-8-sig") as stream:  # the # in what Windows writes for NaN begins no comment
+            lines = (_WINDOWS_NAN.sub("nan", line) for line in stream)
+            return np.loadtxt(lines, converters=_with_comma if form.comma else _number, **settings)
 
 
 def _with_comma(word: str) -> float:

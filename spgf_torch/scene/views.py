@@ -60,6 +60,8 @@ def read_views(paths: Sequence[Path], config: SceneConfig) -> list[View]:
         check_depth(depth, str(path), config.min_extent, config.max_extent)
         camera, camera_notes = camera_of(depth, given, poses[i], str(path))
         labels, label_notes = labels_of(marks, i, depth.shape, str(path), config.max_points)
+        if file.segments and not marks[0]:
+            notes.append(f"{file.segments} beside the depth not used; segments={path.name} makes its numbers targets")
         every = (*file.notes, *camera_notes, *notes, *(pose_notes if i == 0 else ()), *label_notes)
         views.append(View(depth, camera, labels, str(path), every))
         pixels += depth.size
