@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import trimesh
 
 from spgf_torch.config import InputError
-from spgf_torch.objects.ply import read_header
+from spgf_torch.objects.ply import read_elements, read_header
 from spgf_torch.reading import LARGEST_JSON, existing, json_of, unreadable
 
 # A scene may show one mesh many times over: a file of a megabyte could stand for billions of triangles.
@@ -35,7 +36,7 @@ def mesh_arrays(path: Path) -> tuple[np.ndarray, np.ndarray]:
         read_header(path)  # which names what trimesh would call damaged
         settings["fix_texture"] = False  # it gives each corner of a face a vertex of its own
     try:
-        with path.open("rb") as stream:
+        with _ply_in_lower_case(path) if kind == "ply" else path.open("rb") as stream:
             scene = trimesh.load_scene(
                 stream, kind, resolver=_NoOtherFile(), process=False, skip_materials=True, **settings
             )
@@ -47,7 +48,8 @@ def mesh_arrays(path: Path) -> tuple[np.ndarray, np.ndarray]:
     except InputError:
         raise
     except Exception as error:  # each format's reader raises its own kinds for a damaged file
-        raise unreadable(path, f"a {path.suffix} mesh", error, "a damaged file") from error
+        words = "a layout that is not read" if kind == "ply" and _has_vertices(path) else "a damaged file"
+        raise unreadable(path, f"a {path.suffix} mesh", error, words) from error
     if kind == "ply":
         header = ply_header(path)
         said, got = (declared(header, "vertex"), declared(header, "face")), (len(vertices), len(faces))
@@ -56,6 +58,26 @@ def mesh_arrays(path: Path) -> tuple[np.ndarray, np.ndarray]:
     if faces.size and not 0 <= faces.min() <= faces.max() < len(vertices):
         raise InputError(f"{path}: expected faces of its {len(vertices)} vertices, got one of vertex {faces.max()}")
     return vertices, faces
+
+
+def _ply_in_lower_case(path: Path) -> BinaryIO:
+    """The bytes of a PLY file with its properties named as trimesh knows them; programs also write X Y Z."""
+    stream = path.open("rb")
+    head = stream.read(read_header(path).size)
+    if head == head.lower():
+        stream.seek(0)
+        return stream
+    with stream:
+        return io.BytesIO(head.lower() + stream.read())
+
+
+def _has_vertices(path: Path) -> bool:
+    """Whether the vertices and the faces of a PLY file are all there, wherever its lines are broken."""
+    try:
+        read_elements(path, read_header(path), ("vertex", "face"))
+    except InputError:
+        return False
+    return True
 
 
 def ply_faces(path: Path) -> int:

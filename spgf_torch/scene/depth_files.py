@@ -162,9 +162,7 @@ def _of_array(path: Path, name: str, array: np.ndarray, limit: int) -> DepthFile
     check_pixels(path, array.shape, limit)
     if not counts_array(f"{path}: {name}", array):
         return DepthFile(array, False)
-    return DepthFile(
-        array, True, notes=("whole numbers taken as counts of depth_scale (0.001 m if nothing says more)",)
-    )
+    return DepthFile(array, True, told=True)
 
 
 def _of_npz(path: Path, limit: int) -> DepthFile:

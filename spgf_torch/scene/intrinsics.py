@@ -246,8 +246,11 @@ def depth_scale_of(values: dict[Any, Any]) -> tuple[float | None, tuple[str, ...
 
 
 def _size(values: dict[Any, Any]) -> tuple[int, int] | None:
-    width, height = (values.get(f"image_{key}", values.get(key, values.get(f"_{key}"))) for key in ("width", "height"))
-    return (width, height) if isinstance(width, int) and isinstance(height, int) and width and height else None
+    width, height = (
+        str(values.get(f"image_{key}", values.get(key, values.get(f"_{key}")))) for key in ("width", "height")
+    )
+    digits = width.isdecimal() and height.isdecimal() and max(len(width), len(height)) < 10
+    return (int(width), int(height)) if digits and int(width) and int(height) else None
 
 
 def _plain(path: Path, values: dict[Any, Any], keys: tuple[str, ...], count: int | None) -> np.ndarray | None:
