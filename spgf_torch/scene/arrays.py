@@ -8,7 +8,7 @@ import numpy as np
 
 from spgf_torch.config import InputError
 from spgf_torch.scene.cloud import Cloud, checked, pixels_of
-from spgf_torch.scene.depth import camera_of
+from spgf_torch.scene.depth import camera_of, check_returns
 from spgf_torch.scene.depth_files import DepthFile, counts_array, flat, in_metres
 from spgf_torch.scene.intrinsics import Intrinsics, checked_K
 from spgf_torch.scene.labels import fitting, label_array, marked, numbered
@@ -83,8 +83,7 @@ def view_of_arrays(
     image = flat(name, np.asarray(depth))
     file = DepthFile(image, counts := counts_array(name, image), told=counts)
     values, notes = in_metres(file, depth_scale, "m", None)
-    if not (np.isfinite(values) & (values > 0)).any():
-        raise InputError(f"{name}: expected pixels with a depth, got none of {values.size}")
+    check_returns(name, values)
     T = np.eye(4) if T_input_camera is None else checked_pose(f"{name}: T_input_camera", _floats(name, T_input_camera))
     camera, more = camera_of(values, Intrinsics(checked_K(f"{name}: K", _floats(f"{name}: K", K))), T, name)
     notes = [*notes, *more]

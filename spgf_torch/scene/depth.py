@@ -16,6 +16,14 @@ from spgf_torch.sensing.planes import surface_points
 _OFF_CENTRE = 0.2
 
 
+def check_returns(name: str, depth: np.ndarray) -> None:
+    """InputError for a depth image without a single return."""
+    if not (np.isfinite(depth) & (depth > 0)).any():
+        negative = int((depth < 0).sum())
+        hint = f"; {negative} are negative: along OpenGL's axis? then change the sign" if negative else ""
+        raise InputError(f"{name}: expected pixels with a depth, got none of {depth.size}{hint}")
+
+
 def check_depth(depth: np.ndarray, name: str, low: float, high: float) -> None:
     """InputError that names the options where the median of a depth image is not between two depths, m."""
     median = float(np.median(depth[np.isfinite(depth) & (depth > 0)]))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from spgf_torch.config import InputError, SceneConfig, find
-from spgf_torch.scene.depth import camera_of, check_depth
+from spgf_torch.scene.depth import camera_of, check_depth, check_returns
 from spgf_torch.scene.depth_files import DepthFile, in_metres, read_depth_file
 from spgf_torch.scene.intrinsics import Intrinsics, given_intrinsics, read_intrinsics
 from spgf_torch.scene.labels import fitting, marked, numbered, read_labels, read_mask
@@ -55,8 +55,7 @@ def read_views(paths: Sequence[Path], config: SceneConfig) -> list[View]:
         file = read_depth_file(path, config.max_points)
         given = _intrinsics(config, path, i, count, file)
         depth, notes = in_metres(file, config.depth_scale, config.unit, given)
-        if not (np.isfinite(depth) & (depth > 0)).any():
-            raise InputError(f"{path}: expected pixels with a depth, got none of {depth.size}")
+        check_returns(str(path), depth)
         check_depth(depth, str(path), config.min_extent, config.max_extent)
         camera, camera_notes = camera_of(depth, given, poses[i], str(path))
         labels, label_notes = labels_of(marks, i, depth.shape, str(path), config.max_points)
