@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from spgf_torch.predictor import Predictor
+    from spgf_torch.scene.scene import Scene
 
+__all__ = ["Scene", "__version__", "load"]
 __version__ = "0.1.0"
 
 # OpenMP threads that spin while they wait make torch many times slower as soon as another process needs the
@@ -25,3 +27,11 @@ def load(folder: str | Path, device: str = "cpu") -> Predictor:
     from spgf_torch.predictor import Predictor
 
     return Predictor.load(folder, device).ready()
+
+
+def __getattr__(name: str) -> object:
+    if name == "Scene":  # looked up when it is asked for: it needs torch
+        from spgf_torch.scene.scene import Scene
+
+        return Scene
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

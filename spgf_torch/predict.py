@@ -33,7 +33,7 @@ def run(config: PredictConfig, folder: Path) -> None:
     from spgf_torch.exporting.scene_page import write_scene_page
     from spgf_torch.exporting.table import grasp_table
     from spgf_torch.predictor import Predictor
-    from spgf_torch.scene.scene import read_scene
+    from spgf_torch.scene.assembly import read_scene
 
     stages, folder_of_model = Stages(), find(config.model)
     check_device(config.device)
@@ -49,7 +49,7 @@ def run(config: PredictConfig, folder: Path) -> None:
     show(f"model: {folder_of_model.resolve()}, K = {len(predictor.model.centres)}")
     start = time.perf_counter()
     with stages.stage("grasps", len(scene.texlets), "texlets") as advance:
-        grasps = predictor.predict(scene.texlets, config.N, scene.plane)
+        grasps = predictor.predict(scene, config.N)
         advance(len(scene.texlets))
     seconds = time.perf_counter() - start
 
@@ -64,7 +64,7 @@ def run(config: PredictConfig, folder: Path) -> None:
     if grasps:
         show(grasp_table(grasps[: config.N], names))
     else:
-        show("no grasp: no shape here votes for any that the open hand could reach freely")
+        show(f"no grasp: {scene.no_grasp or 'no shape here votes for any that the open hand could reach freely'}")
     show(f"{len(grasps)} grasps ({by_type(grasps)}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
     show(f"files and page in {folder}")
 

@@ -1,8 +1,8 @@
 """A trained model that proposes grasps, in Python: what `predict` does, without Hydra.
 
     model = spgf_torch.load("outputs/train/latest")
-    texlets = model.texlets(points, viewpoint=(0.0, 0.0, 0.0))  # (N, 3), m; where the camera was, in the same frame
-    for grasp in model.predict(texlets, top=10):
+    scene = spgf_torch.Scene.from_points(points, viewpoints=(0.0, 0.0, 0.0), table="find")  # (N, 3), m
+    for grasp in model.predict(scene, top=10):
         print(grasp.type, grasp.probability, grasp.T_input_tcp)
 
 Frames and units: the docstring of `spgf_torch.geometry`. Everything that comes out is in the frame of what went in.
@@ -11,7 +11,7 @@ Frames and units: the docstring of `spgf_torch.geometry`. Everything that comes 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -22,12 +22,13 @@ from spgf_torch.affordance.model import GraspModel, check_device, load_model
 from spgf_torch.affordance.sensed_collision import hand_volume
 from spgf_torch.config import HandConfig, InputError, ProposingConfig, SceneConfig, SensingConfig, find, settings, typed
 from spgf_torch.exporting.records import Grasp, Gripper, grippers_of, make_grasp
-from spgf_torch.proposing.clearance import Plane
+from spgf_torch.proposing.clearance import Plane, Surroundings
 from spgf_torch.proposing.propose import Proposals, Proposer
 from spgf_torch.reporting.learned import descriptor_of, rings_deg
 from spgf_torch.reporting.names import prototype_names
-from spgf_torch.scene.cloud import Cloud
-from spgf_torch.scene.scene import texlets_of
+from spgf_torch.scene.arrays import cloud_of_arrays
+from spgf_torch.scene.assembly import texlets_of
+from spgf_torch.scene.scene import Scene, check_spacing
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.trials.hand import load_hand
 
@@ -87,56 +88,87 @@ class Predictor:
         normals: np.ndarray | None = None,
         **changes: object,
     ) -> Texlets:
-        """Texlets of a point cloud.
+        """Texlets of a point cloud, such as for descriptors; `Scene.from_points` for grasps in a scene.
 
         Args:
-            points: (N, 3), m. viewpoint: (3,) or (V, 3), where it was seen from; normals: (N, 3), out of the surface.
-                One of both must be given.
-            changes: settings of conf/scene, such as `table="find"`.
+            points: (N, 3) or (H, W, 3), m; NaN, infinity and 0 0 0: no reading. viewpoint: (3,) or (V, 3), where it was
+                seen from; normals: in the shape of the points, out of the surface. Without both, the points must tell.
+            changes: settings of conf/scene.
 
-        Raises InputError for points that cannot be used.
+        Raises InputError for points that cannot be used, and for settings that texlets alone would forget: a table, and
+        what lies outside of a crop box, are to be kept clear of.
         """
-        places = None if viewpoint is None else np.atleast_2d(_numbers("viewpoint", viewpoint))
-        turned = None if normals is None else _numbers("normals", normals)
-        cloud = Cloud(_numbers("points", points), turned, places)
+        for key in ("table", "crop_low", "crop_high"):
+            if changes.get(key) is not None:
+                raise InputError(
+                    f"{key}: expected with spgf_torch.Scene.from_points(points, ...), which model.predict takes; "
+                    "texlets alone would forget what a hand must keep clear of"
+                )
+        cloud = cloud_of_arrays(points, normals, viewpoint)
         return texlets_of(cloud, settings(SceneConfig, **changes), self.sensing, np.random.default_rng(0))
 
-    def predict(self, texlets: Texlets, top: int = 10, plane: np.ndarray | None = None) -> list[Grasp]:
-        """The `top` best grasps of each type, one list by score: up to twice as many; none where nothing votes.
+    def predict(self, scene: Scene | Texlets, top: int = 10, plane: np.ndarray | None = None) -> list[Grasp]:
+        """The `top` best grasps of each type for each target, one list by score; none where nothing votes.
+
+        No hand touches an obstacle or reaches below the table; none comes from below, if others can.
 
         Args:
-            plane: (4,) a, b, c, d of a table, a x + b y + c z + d the height above it, m: no hand reaches below it.
+            scene: made with this model's `sensing`; or texlets alone, to which nothing else belongs.
+            plane: (4,) a, b, c, d of a table under texlets, a x + b y + c z + d the height above it, m.
         """
-        return self.grasps(self.propose(texlets, plane), top)
+        if isinstance(scene, Texlets):
+            return self.grasps(self.propose(scene, plane), top)
+        if not isinstance(scene, Scene):
+            raise InputError(
+                f"scene: expected a Scene or Texlets, got {type(scene).__name__}; make one with "
+                "spgf_torch.Scene.from_points, from_depth or from_files"
+            )
+        check_spacing(scene, self.sensing)
+        if plane is not None:
+            raise InputError("plane: expected with texlets only; a scene has its table (table=[a,b,c,d])")
+        found = []
+        for target in scene.targets:
+            proposals = self.proposer.propose((own := scene.of(target)).texlets, self.surroundings(own))
+            found += [(-score, replace(grasp, target=target)) for score, grasp in self._scored(proposals, top)]
+        return [grasp for _, grasp in sorted(found, key=lambda pair: pair[0])]
+
+    def surroundings(self, scene: Scene) -> Surroundings:
+        """What a hand must keep clear of in a scene."""
+        up = None
+        if scene.table is None and scene.gravity is not None:
+            up = (torch.from_numpy(scene.gravity.up).float(), scene.gravity.steepest)
+        return Surroundings(scene.obstacles, _table(scene.table), up, self.retreat)
 
     def propose(self, texlets: Texlets, plane: np.ndarray | None = None) -> Proposals:
         """All proposals, as tensors on the model's device."""
-        table = None if plane is None else Plane.of(tuple(np.asarray(plane[:3]).tolist()), -float(plane[3]))
-        return self.proposer.propose(texlets, table)
+        return self.proposer.propose(texlets, Surroundings(table=_table(plane), retreat=self.retreat))
 
     def grasps(self, proposals: Proposals, top: int) -> list[Grasp]:
         """The best of the proposals, with everything that a robot needs."""
+        return [grasp for _, grasp in self._scored(proposals, top)]
+
+    def _scored(self, proposals: Proposals, top: int) -> list[tuple[float, Grasp]]:
         kept = sorted({i for indices in proposals.best(top).values() for i in indices.tolist()})
         kinds = list(self.grippers)
         return [
-            make_grasp(
-                self.grippers[kinds[int(proposals.grasp_type[i])]],
-                proposals.T_object_tcp[i].cpu().numpy(),
-                float(proposals.probability[i]),
-                int(proposals.support[i]),
-                proposals.voted_by[i],
-                self.retreat,
+            (
+                float(proposals.score[i]),
+                make_grasp(
+                    self.grippers[kinds[int(proposals.grasp_type[i])]],
+                    proposals.T_object_tcp[i].cpu().numpy(),
+                    float(proposals.probability[i]),
+                    int(proposals.support[i]),
+                    proposals.voted_by[i],
+                    self.retreat,
+                ),
             )
             for i in kept
         ]
 
 
-def _numbers(name: str, values: object) -> np.ndarray:
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError, RuntimeError) as error:  # the last: a tensor that requires grad, or is elsewhere
-        told = str(error).splitlines()[0][:100]
-        raise InputError(f"{name}: expected an array of numbers, got {type(values).__name__}: {told}") from None
+def _table(plane: np.ndarray | None) -> Plane | None:
+    """A plane a x + b y + c z + d = 0, (a, b, c) to the free side, as what no hand reaches below."""
+    return None if plane is None else Plane.of(tuple(np.asarray(plane[:3]).tolist()), -float(plane[3]))
 
 
 def block(spacing: float, side: float = 0.04) -> Texlets:

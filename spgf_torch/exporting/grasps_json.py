@@ -62,6 +62,7 @@ def _plain(grasp: Grasp, gripper: Gripper) -> dict[str, Any]:
         "type": grasp.type,
         "probability": grasp.probability,
         "support": grasp.support,
+        "target": grasp.target,
         "gripper": gripper.name,
         "T_input_tcp": grasp.T_input_tcp.tolist(),
         "T_input_base": grasp.T_input_base.tolist(),
@@ -92,6 +93,7 @@ def _grasp(values: Any, where: str) -> Grasp:
         closed=closed,
         T_input_pregrasp=pregrasp,
         voted_by=[_vote(vote, f"{where}.voted_by[{i}]") for i, vote in enumerate(votes)],
+        target=whole(values.get("target", 1), f"{where}.target"),
     )
 
 

@@ -55,6 +55,7 @@ class Grasp:
         T_input_pregrasp: (4, 4) float64, where the TCP waits before it approaches: straight back along -z of tcp. The
             base waits at T_input_base moved by the same vector.
         voted_by: (prototype, votes), most votes first.
+        target: the number of what it grasps, where a scene has several (`segments`); else 1.
     """
 
     type: str
@@ -66,6 +67,7 @@ class Grasp:
     closed: dict[str, float]
     T_input_pregrasp: np.ndarray
     voted_by: list[tuple[int, int]]
+    target: int = 1
 
 
 def grippers_of(hand: Hand) -> dict[str, Gripper]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,18 +39,72 @@ class Plane:
 
 
 @dataclass(frozen=True)
+class Surroundings:
+    """What a hand must not touch beside the texlets, in their frame.
+
+    Attributes:
+        obstacles: (M, 3) f32, sensed points of other things, m.
+        table: no hand reaches below it, neither at the grasp nor on its way; None: none is known.
+        up: (3,) f32 unit, against gravity, and the component of an approach along it from which on the hand comes from
+            below, which is left to where nothing else is possible; None: hands may come from anywhere.
+        retreat: m back along the approach, where the way to the grasp begins.
+    """
+
+    obstacles: Tensor = field(default_factory=lambda: torch.zeros(0, 3))
+    table: Plane | None = None
+    up: tuple[Tensor, float] | None = None
+    retreat: float = 0.0
+
+    def near(self, points: Tensor, reach: float) -> Surroundings:
+        """The same with only the obstacles within `reach` (m) of the box around the points (N, 3)."""
+        if not len(self.obstacles) or not len(points):
+            return self
+        obstacles = self.obstacles.to(points)
+        low, high = points.amin(0) - reach, points.amax(0) + reach
+        return replace(self, obstacles=obstacles[((obstacles >= low) & (obstacles <= high)).all(1)])
+
+    def sparse(self, cell: float) -> Tensor:
+        """(M', 3) one obstacle a cell of this side, m: enough to discard most of what collides."""
+        if not len(self.obstacles):
+            return self.obstacles
+        cells = (self.obstacles / cell).floor().long()
+        _, home = torch.unique(cells, dim=0, return_inverse=True)
+        first = torch.full((int(home.max()) + 1,), len(home), dtype=torch.int64, device=home.device)
+        first.scatter_reduce_(0, home, torch.arange(len(home), device=home.device), "amin")
+        return self.obstacles[first]
+
+    def from_below(self, T_object_tcp: Tensor) -> Tensor:
+        """(G,) bool: the hand comes from below at the grasps (G, 4, 4)."""
+        if self.up is None:
+            return torch.zeros(len(T_object_tcp), dtype=torch.bool, device=T_object_tcp.device)
+        direction, steepest = self.up
+        return T_object_tcp[:, :3, 2] @ direction.to(T_object_tcp) > steepest
+
+
+@dataclass(frozen=True)
 class Clearance:
-    """The open hand of each grasp type, how far it stays from a table, and where it looks for something to close on.
+    """The open hand of each grasp type, how far it stays from things, and where it looks for something to close on.
 
     Attributes:
         volumes: grasp type -> volume of the open hand in the TCP frame.
-        plane_clearance: m.
+        plane_clearance: m, from a table. obstacle_clearance: m, from obstacles.
         between: m about the TCP, across closing and approach, as far as a point counts as between the pads.
     """
 
     volumes: Mapping[str, HandVolume]
     plane_clearance: float
     between: float
+    obstacle_clearance: float = 0.0
+
+    @cached_property
+    def reach(self) -> float:
+        """m from the TCP to the farthest point of an open hand."""
+        return max(float(corners.norm(dim=1).max()) for corners in self.corners.values())
+
+    @cached_property
+    def swollen(self) -> dict[str, HandVolume]:
+        """Grasp type -> the open hand, each piece larger by the clearance from obstacles on every side."""
+        return {kind: _swollen(volume, self.obstacle_clearance) for kind, volume in self.volumes.items()}
 
     @cached_property
     def corners(self) -> dict[str, Tensor]:
@@ -77,21 +131,36 @@ class Clearance:
 
     def free_of_points(self, points: Tensor, T_object_tcp: Tensor, grasp_type: Tensor) -> Tensor:
         """(G,) bool: no point (N, 3) lies inside the open hand at the grasps (G, 4, 4) of types (G,)."""
+        return self._free(points, T_object_tcp, grasp_type, self.volumes)
+
+    def free_of_obstacles(self, obstacles: Tensor, T_object_tcp: Tensor, grasp_type: Tensor) -> Tensor:
+        """The same with the clearance from obstacles (M, 3)."""
+        return self._free(obstacles, T_object_tcp, grasp_type, self.swollen)
+
+    def _free(
+        self, points: Tensor, T_object_tcp: Tensor, grasp_type: Tensor, volumes: Mapping[str, HandVolume]
+    ) -> Tensor:
         free = torch.ones(len(grasp_type), dtype=torch.bool, device=grasp_type.device)
+        if not len(points):
+            return free
         for code, kind in enumerate(GRASP_TYPES):
             of_type = grasp_type == code
-            free[of_type] = ~sensed_collision(points.float(), T_object_tcp[of_type].float(), self.volumes[kind])
+            free[of_type] = ~sensed_collision(points.float(), T_object_tcp[of_type].float(), volumes[kind])
         return free
 
-    def free_of_plane(self, plane: Plane, T_object_tcp: Tensor, grasp_type: Tensor) -> Tensor:
-        """(G,) bool: the whole open hand at the grasps (G, 4, 4) of types (G,) is above the plane, with clearance."""
+    def free_of_plane(self, plane: Plane, T_object_tcp: Tensor, grasp_type: Tensor, retreat: float = 0.0) -> Tensor:
+        """(G,) bool: the whole open hand at the grasps (G, 4, 4) of types (G,) is above the plane, with clearance.
+
+        So it is on the straight way from `retreat` (m) back along the approach.
+        """
         free = torch.ones(len(grasp_type), dtype=torch.bool, device=grasp_type.device)
         for code, kind in enumerate(GRASP_TYPES):
             of_type = grasp_type == code
             normal = plane.normal.to(T_object_tcp)
             corners = self.corners[kind].to(T_object_tcp)
             lowest = (normal @ se3.rotation_of(T_object_tcp[of_type]) @ corners.T).amin(1)  # below the TCP, m
-            height = se3.position_of(T_object_tcp[of_type]) @ normal - plane.offset
+            rise = (T_object_tcp[of_type, :3, 2] @ normal).clamp(min=0.0)  # of the way to the grasp
+            height = se3.position_of(T_object_tcp[of_type]) @ normal - plane.offset - retreat * rise
             free[of_type] = height + lowest >= self.plane_clearance
         return free
 
@@ -110,6 +179,12 @@ def half_opening(volume: HandVolume) -> float:
     if not reached:
         raise InputError("hand: expected pads on the closing axis through the TCP, got none")
     return min(reached)
+
+
+def _swollen(volume: HandVolume, by: float) -> HandVolume:
+    """Every piece with its faces moved outwards, m."""
+    planes = tuple(torch.cat([piece[:, :3], piece[:, 3:] + by], dim=1) for piece in volume.planes)
+    return HandVolume(planes, volume.low - by, volume.high + by)
 
 
 def _box(x: float, yz: float) -> HandVolume:

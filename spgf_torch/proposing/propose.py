@@ -31,11 +31,14 @@ from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, Prop
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.features.interface import LocalFeatures
 from spgf_torch.geometry import se3
-from spgf_torch.proposing.clearance import Clearance, Plane
+from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.shortlist import Shortlist, shortlist
 from spgf_torch.proposing.spreading import spread_order, suppress
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.sensing.texlets import Texlets
+
+# The texlets are all that there is.
+NOTHING = Surroundings()
 
 
 @dataclass(frozen=True)
@@ -116,7 +119,8 @@ class Proposer:
         """With the settings that the model was learned with; volumes: grasp type -> the open hand."""
         affordance = typed(AffordanceConfig, model.settings["affordance"])
         features = typed(FeatureConfig, model.settings["features"])
-        return Proposer(model, affordance, features, config, Clearance(volumes, config.plane_clearance, config.between))
+        clearance = Clearance(volumes, config.plane_clearance, config.between, config.obstacle_clearance)
+        return Proposer(model, affordance, features, config, clearance)
 
     @cached_property
     def index(self) -> VotingIndex:
@@ -142,22 +146,25 @@ class Proposer:
         quaternion = torch.cat([torch.ones(*shape[:2], 1), turn / 2], dim=-1)  # a small rotation vector's
         return se3.pose(shift, quaternion).to(self.model.centres.device)
 
-    def propose(self, texlets: Texlets, plane: Plane | None = None) -> Proposals:
+    def propose(self, texlets: Texlets, around: Surroundings = NOTHING) -> Proposals:
         """Grasps for what the texlets show, the best first; none where no feature votes for any.
 
-        With a plane, no hand reaches below it.
+        No hand touches an obstacle or reaches below a table; none comes from below, if others can.
         """
         device = self.model.centres.device
         positions, normals = texlets.positions.to(device), texlets.normals.to(device)
         features = descriptor(self.features)(positions, normals, self.features, torch.Generator().manual_seed(0))
-        return self.propose_from(features, positions, plane)
+        return self.propose_from(features, positions, around)
 
-    def propose_from(self, features: LocalFeatures, points: Tensor, plane: Plane | None = None) -> Proposals:
+    def propose_from(self, features: LocalFeatures, points: Tensor, around: Surroundings = NOTHING) -> Proposals:
         """The same from features of the points (N, 3) that the hand must not touch."""
-        voters = self.voters(features)
-        pool = self.survivors(voters, points, plane)
+        voters, around = self.voters(features), around.near(points, self.clearance.reach)
+        pool = self.survivors(voters, points, around)
+        if not len(pool.score) and around.up is not None:
+            around = replace(around, up=None)
+            pool = self.survivors(voters, points, around)
         for moves in self.moves:
-            pool = self.refined(pool, moves, voters, points, plane)
+            pool = self.refined(pool, moves, voters, points, around)
         return self.proposals(pool, voters)
 
     def voters(self, features: LocalFeatures) -> Voters:
@@ -166,24 +173,33 @@ class Proposer:
         order = spread_order(T, self.affordance.features_per_object, self.config.normal_weight)
         return Voters(T[order], assign(relations[order], self.model.centres))
 
-    def survivors(self, voters: Voters, points: Tensor, plane: Plane | None) -> Pool:
+    def survivors(self, voters: Voters, points: Tensor, around: Surroundings) -> Pool:
         """The best hypotheses of each type, free and far from each other, judged by all voters."""
         config, proposing = self.config, voters.first(self.config.proposing_features)
         T, grasp_type = self.shortlist.hypotheses(proposing.T_object_feature, proposing.prototype)
-        if plane is not None:
-            above = self.clearance.free_of_plane(plane, T, grasp_type)
-            T, grasp_type = T[above], grasp_type[above]
+        possible = self.above(T, grasp_type, around).nonzero()[:, 0]
+        sparse = around.sparse(config.coarse_cell)
+        possible = possible[self.clearance.free_of_points(sparse, T[possible], grasp_type[possible])]
+        T, grasp_type = T[possible], grasp_type[possible]
         pool = Pool(T, grasp_type, self.score(T, grasp_type, voters, config.coarse_voters))
         pool = pool.at(pool.best_of_each_type(config.hypotheses))
         few = voters.first(config.coarse_points).T_object_feature[:, :3, 3]
         pool = pool.at(self.clearance.free_of_points(few, pool.T, pool.grasp_type).nonzero()[:, 0])
         pool = pool.at(self.clearance.closes_on_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])
+        pool = pool.at(self.clearance.free_of_obstacles(around.obstacles, pool.T, pool.grasp_type).nonzero()[:, 0])
         pool = pool.at(suppress(pool.T, pool.grasp_type, pool.score, config.merge_distance, config.merge_deg))
         pool = pool.at(pool.best_of_each_type(config.survivors))
         pool = pool.at(self.clearance.free_of_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])
         return replace(pool, score=self.score(pool.T, pool.grasp_type, voters, len(voters)))
 
-    def refined(self, pool: Pool, moves: Tensor, voters: Voters, points: Tensor, plane: Plane | None) -> Pool:
+    def above(self, T: Tensor, grasp_type: Tensor, around: Surroundings) -> Tensor:
+        """(G,) bool: the hand stays above the table on its whole way, and does not come from below."""
+        above = ~around.from_below(T)
+        if around.table is not None:
+            above &= self.clearance.free_of_plane(around.table, T, grasp_type, around.retreat)
+        return above
+
+    def refined(self, pool: Pool, moves: Tensor, voters: Voters, points: Tensor, around: Surroundings) -> Pool:
         """The best of each type, moved by the best of the moves (M, 4, 4) that scores higher and leaves them free."""
         best = pool.best_of_each_type(self.config.refined)
         T = (pool.T[best].unsqueeze(1) @ moves.to(pool.T.dtype)).flatten(0, 1)
@@ -192,8 +208,8 @@ class Proposer:
         better = (score > pool.score[best].repeat_interleave(len(moves))).nonzero()[:, 0]
         free = self.clearance.free_of_points(points, T[better], grasp_type[better])
         free &= self.clearance.closes_on_points(points, T[better], grasp_type[better])
-        if plane is not None:
-            free &= self.clearance.free_of_plane(plane, T[better], grasp_type[better])
+        free &= self.clearance.free_of_obstacles(around.obstacles, T[better], grasp_type[better])
+        free &= self.above(T[better], grasp_type[better], around)
         gained = torch.full_like(score, -math.inf)
         gained[better[free]] = score[better[free]]
         top = gained.view(len(best), len(moves)).max(dim=1)
@@ -249,10 +265,10 @@ def propose(
     texlets: Texlets,
     config: ProposingConfig,
     volumes: Mapping[str, HandVolume],
-    plane: Plane | None = None,
+    around: Surroundings = NOTHING,
 ) -> Proposals:
     """Grasps for what the texlets show (`Proposer.propose`). To propose again and again, keep a `Proposer`."""
-    return Proposer.of(model, config, volumes).propose(texlets, plane)
+    return Proposer.of(model, config, volumes).propose(texlets, around)
 
 
 def _votes_by_prototype(votes: Votes, grasps: int) -> list[tuple[tuple[int, int], ...]]:

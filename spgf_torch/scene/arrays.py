@@ -98,6 +98,35 @@ def view_of_arrays(
     return View(values, camera, labels, name, tuple(notes))
 
 
+def views_of_arrays(
+    depth: Any, K: Any, T_input_camera: Any, mask: Any, segments: Any, depth_scale: float | None
+) -> list[View]:
+    """The views of one depth image, or of several in lists; see `view_of_arrays`. One K does for all."""
+    if not isinstance(depth, list | tuple) or not depth or np.ndim(depth[0]) < 2:
+        return [view_of_arrays(depth, K, T_input_camera, mask, segments, depth_scale)]
+    count = len(depth)
+    if T_input_camera is None and count > 1:
+        raise InputError(f"T_input_camera: expected the pose of each of the {count} depth images, got none")
+    each = isinstance(K, list | tuple) and len(K) == count and np.size(K[0]) > 3  # not the three rows of one K
+    Ks = list(K) if each else [K] * count
+    parts = [[None] * count if given is None else list(given) for given in (T_input_camera, mask, segments)]
+    for name, part in zip(("T_input_camera", "mask", "segments"), parts, strict=True):
+        if len(part) != count:
+            raise InputError(f"{name}: expected one a depth image ({count}), got {len(part)}")
+    names = [f"depth image {i + 1}" for i in range(count)]
+    return [
+        view_of_arrays(one, k, T, m, s, depth_scale, name)
+        for one, k, T, m, s, name in zip(depth, Ks, *parts, names, strict=True)
+    ]
+
+
+def mask_labels(mask: Any, segments: Any) -> Any:
+    """Labels of what `mask` (not 0: target 1) or `segments` (numbers) mark; None for neither."""
+    if mask is not None and segments is not None:
+        raise InputError("mask: expected mask or segments, got both")
+    return segments if mask is None else (np.asarray(mask) != 0).astype(np.int32)
+
+
 def _floats(name: str, values: Any) -> np.ndarray:
     """A float64 array; InputError where there are no numbers."""
     try:

@@ -130,7 +130,7 @@ def voxel_means(cloud: Cloud, voxel: float) -> Cloud:
     first. A turned and moved cloud falls into the same cells.
 
     With normals, points whose normals' longest components differ in axis or sign stay apart: the sides of a thin wall
-    that fall into one cell are not averaged.
+    that fall into one cell are not averaged. Points of different labels stay apart. Pixels are no more.
 
     Args:
         voxel: side of a cell, m.
@@ -144,11 +144,16 @@ def voxel_means(cloud: Cloud, voxel: float) -> Cloud:
         facing = cloud.normals @ axes.T
         axis = np.abs(facing).argmax(axis=1)
         key = key * 6 + axis * 2 + (facing[np.arange(len(axis)), axis] > 0)
+    if cloud.labels is not None:
+        found, label = np.unique(cloud.labels, return_inverse=True)
+        key = key * len(found) + label
     _, first, home = np.unique(key, return_index=True, return_inverse=True)
     rank = np.empty(len(first), np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
     home = rank[home]
     points = _means(cloud.points, home, len(first))
+    labels = None if cloud.labels is None else cloud.labels[np.sort(first)]
+    cloud = replace(cloud, labels=labels, pixels=None)
     if cloud.normals is None:
         return replace(cloud, points=points)
     normals = _means(cloud.normals, home, len(first))

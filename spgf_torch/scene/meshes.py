@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +12,54 @@ from spgf_torch.config import CollisionConfig, InputError, SceneConfig, SensingC
 from spgf_torch.objects.mesh_files import mesh_arrays, ply_faces
 from spgf_torch.objects.scans import METRES, SUFFIXES, read_mesh
 from spgf_torch.reading import existing
-from spgf_torch.scene.cloud import Cloud, check_count
+from spgf_torch.scene.cloud import Cloud, check_count, checked
+from spgf_torch.scene.files import read_clouds
+from spgf_torch.scene.one_view import seen_from
 from spgf_torch.scene.selection import check_extent
 from spgf_torch.sensing.cameras import surround
 from spgf_torch.sensing.sense import observe
 from spgf_torch.sensing.texlets import Texlets
 
+# m; a mesh whose reach is less in some unit is not likely to be of that unit.
+_SMALL = 0.01
 
-def is_mesh(path: Path) -> bool:
-    """Whether a file is to be read as a mesh: by its suffix, and a .ply by whether it has faces."""
+
+def is_mesh(path: Path, config: SceneConfig) -> bool:
+    """Whether a file has faces, or may have: by its suffix, and a .ply by what its header declares."""
     suffix = path.suffix.lower()
-    return suffix in SUFFIXES and (suffix != ".ply" or ply_faces(existing(path)) > 0)
+    faces = suffix in SUFFIXES and (suffix != ".ply" or ply_faces(existing(path)) > 0)
+    if config.read_as == "mesh" and not faces:
+        raise InputError(f"{path}: expected a mesh with faces (as=mesh), got a file without")
+    return faces
+
+
+def as_cloud(path: Path, config: SceneConfig) -> Cloud | None:
+    """The vertices of a mesh file, m, where its surface is that of one view, as cameras write it; None for a CAD mesh.
+
+    Cameras join neighbouring pixels: the surface is open, and all of its faces are seen from one place.
+    `config.read_as` overrules it.
+    """
+    if config.read_as == "mesh":
+        return None
+    if config.read_as == "cloud":
+        return _vertices(path, config)
+    eye = seen_from(*mesh_arrays(path))
+    if eye is None:
+        return None
+    found = _vertices(path, config)
+    where = "the origin" if not eye.any() else f"the side of ({', '.join(f'{v:.3f}' for v in eye)})"
+    note = f"taken for the cloud of one view: an open surface that is seen whole from {where}; as=mesh says otherwise"
+    viewpoints = found.viewpoints if found.viewpoints is not None else METRES[config.unit] * eye[None]
+    return replace(found, viewpoints=viewpoints, notes=(*found.notes, note))
+
+
+def _vertices(path: Path, config: SceneConfig) -> Cloud:
+    """The vertices as a cloud in m; of a .ply with the normals that it has."""
+    if path.suffix.lower() == ".ply":
+        return read_clouds([path], config)[0]
+    vertices, _ = mesh_arrays(path)
+    check_count(path, len(vertices), config.max_points)
+    return checked(Cloud(np.unique(vertices, axis=0), None, None, str(path))).scaled(METRES[config.unit])
 
 
 def sampled(path: Path, config: SceneConfig, generator: np.random.Generator) -> Cloud:
@@ -34,7 +72,11 @@ def sampled(path: Path, config: SceneConfig, generator: np.random.Generator) -> 
     _load(path, config)  # the extent and its unit are told as for every other input
     mesh = read_mesh(path, config.unit, sizes)
     count = int(np.ceil(mesh.area / config.mesh_pitch**2))
-    check_count(path, count, config.max_points)
+    if count > config.mesh_samples:
+        raise InputError(
+            f"{path}: expected a surface of at most {config.mesh_samples} samples (mesh_samples) "
+            f"{config.mesh_pitch:g} m apart, got {count}; another unit, a larger mesh_pitch, or mesh=sensed"
+        )
     points, face = trimesh.sample.sample_surface(mesh, count, seed=generator)
     return Cloud(np.asarray(points), mesh.face_normals[face], None, str(path))
 
@@ -54,9 +96,11 @@ def sensed(
     mesh = _load(path, config)
     reach = float(np.linalg.norm(mesh.extents)) / 2
     if reach >= sensing.distance:
+        smaller = [unit for unit, m in METRES.items() if m * reach / METRES[config.unit] < sensing.distance]
+        hint = "".join(f"unit={unit}, " for unit in smaller if METRES[unit] * reach / METRES[config.unit] > _SMALL)
         raise InputError(
-            f"{path}: expected a mesh within {sensing.distance:g} m of its middle, where the simulated cameras are "
-            f"(sensing.distance), got {reach:.4g} m with unit={config.unit}; give a larger distance or mesh=whole"
+            f"{path}: expected a mesh within {sensing.distance:g} m of its middle, where the simulated cameras are, "
+            f"got {reach:.4g} m with unit={config.unit}; {hint}mesh=whole, or as=cloud if it is a camera's"
         )
     cameras = surround(sensing, mesh.bounds.mean(axis=0))
     return observe(mesh, cameras, sensing, generator), np.array([c.T_object_camera[:3, 3] for c in cameras])

@@ -1,19 +1,29 @@
-"""What of the sensed points is kept: those in the crop box and above the table, if they have the extent of a scene."""
+"""What of the sensed points is a target, what an obstacle, and what the table."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from spgf_torch.config import InputError, SceneConfig
 from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, vectors
+from spgf_torch.scene.gravity import Gravity
 from spgf_torch.scene.table import find_plane, given_plane, height
 
 # Extents of a cloud from the origin to it; a cloud further off has coordinates of a map, which no other unit mends.
 _FAR_EXTENTS = 100.0
 _FAR = 1000.0  # m
+# m around the target as far as a hand with its way to it reaches; what is beyond is no obstacle and no table.
+_REACH = 0.6
+# Of the points off the table, those on the side of the cameras: fewer, and the cameras are on the wrong side.
+_ABOVE = 0.03
+# Of all points: more below a table, and it is none, or not all of it.
+_BELOW = 0.03
+# Of the target's points in one plane: more, and it may be a table that nobody asked for.
+_FLAT = 0.5
 
 
 def crop_box(config: SceneConfig) -> tuple[np.ndarray, np.ndarray]:
@@ -30,24 +40,40 @@ def within(points: np.ndarray, box: tuple[np.ndarray, np.ndarray]) -> np.ndarray
     return np.all((points >= box[0]) & (points <= box[1]), axis=-1)
 
 
-def cropped(clouds: Sequence[Cloud], config: SceneConfig) -> tuple[list[Cloud], list[str]]:
-    """What lies in the crop box, clouds with nothing in it left out; checked to have the extent of a scene in m."""
+def targeted(clouds: Sequence[Cloud], config: SceneConfig) -> tuple[list[Cloud], list[str]]:
+    """The clouds with what is outside of the crop box labelled an obstacle, and without what is out of a hand's reach.
+
+    Raises:
+        InputError: no target in the box, or one without the extent of a scene in m.
+    """
     box = crop_box(config)
     inside = [within(cloud.points, box) for cloud in clouds]
-    kept = [
-        cloud if mask.all() else cloud.select(mask) for cloud, mask in zip(clouds, inside, strict=True) if mask.any()
-    ]
-    if not kept:
+    before = sum(int(is_target(cloud).sum()) for cloud in clouds)
+    if not all(mask.all() for mask in inside):
+        clouds = [
+            replace(cloud, labels=np.where(mask, np.int32(1) if cloud.labels is None else cloud.labels, np.int32(0)))
+            for cloud, mask in zip(clouds, inside, strict=True)
+        ]
+    targets = [cloud.select(is_target(cloud)) for cloud in clouds]
+    after = sum(map(len, targets))
+    if not after:
         spans = [f"{a:.4g} to {b:.4g}" for a, b in zip(*_bounds(clouds), strict=True)]
         raise InputError(
             f"crop_low, crop_high: expected points in the box, got none; they span x {spans[0]}, y {spans[1]}, "
             f"z {spans[2]} m with unit={config.unit}"
         )
-    low, high = _bounds(kept)
-    check_extent(kept[0].name, low, high, config)
-    _check_viewpoints(kept, (low + high) / 2, config)
-    before, after = sum(map(len, clouds)), sum(map(len, kept))
-    return kept, [f"crop: {after} of {before} points kept"] if after < before else []
+    low, high = _bounds(targets)
+    check_extent(clouds[0].name, low, high, config)
+    _check_viewpoints(clouds, (low + high) / 2, config)
+    notes = [f"crop: {after} of {before} points are the target; the rest are obstacles"] if after < before else []
+    if after < sum(map(len, clouds)):
+        clouds = [cloud.select(within(cloud.points, (low - _REACH, high + _REACH))) for cloud in clouds]
+    return [cloud for cloud in clouds if len(cloud)], notes
+
+
+def is_target(cloud: Cloud) -> np.ndarray:
+    """(N,) bool: which points are of a target."""
+    return np.ones(len(cloud), bool) if cloud.labels is None else cloud.labels > 0
 
 
 def _bounds(clouds: Sequence[Cloud]) -> tuple[np.ndarray, np.ndarray]:
@@ -93,30 +119,72 @@ def _check_viewpoints(clouds: Sequence[Cloud], middle: np.ndarray, config: Scene
             )
 
 
-def without_table(
-    clouds: list[Cloud], config: SceneConfig, generator: np.random.Generator, notes: list[str]
-) -> tuple[list[Cloud], np.ndarray | None]:
-    """The clouds above the table, and its plane, as `config.table` says; adds a line to `notes`."""
+def table_of(
+    clouds: Sequence[Cloud],
+    config: SceneConfig,
+    generator: np.random.Generator,
+    gravity: Gravity | None,
+    notes: list[str],
+) -> np.ndarray | None:
+    """(4,) the table that `config.table` gives, or that is found among the points; None without. Lines go to `notes`.
+
+    Raises:
+        InputError: none is found; nothing of a target is above it; the viewpoints are below it.
+    """
     if config.table is None:
-        return clouds, None
+        if gravity is not None:
+            notes.append(
+                "no table: none given (table=[a,b,c,d]) and none looked for (table=find); grasps from below only where "
+                f"there are no others ({gravity.words}; gravity=[x,y,z] says otherwise, gravity=null allows them)"
+            )
+        return None
     points = np.concatenate([cloud.points for cloud in clouds])
-    if config.table == "find":
-        seen_from = viewpoints_of(clouds)
-        plane = find_plane(points, None if seen_from is None else seen_from.mean(axis=0), config, generator)
+    target = np.concatenate([is_target(cloud) for cloud in clouds])
+    seen_from = viewpoints_of(clouds)
+    if isinstance(config.table, str) and config.table == "find":
+        named = None if target.all() else target
+        out = None if seen_from is None else seen_from.mean(axis=0)
+        plane = find_plane(points, out, config, generator, None if gravity is None else gravity.up, named)
     elif isinstance(config.table, str):
         raise InputError(f"table: expected null, find or [a,b,c,d], got {config.table}")
     else:
         plane = given_plane(config.table)
-    above = [cloud.select(height(cloud.points, plane) > config.table_distance) for cloud in clouds]
-    left = sum(map(len, above))
-    below = int((height(points, plane) < -config.table_distance).sum())
-    if not left:
+    over = height(points, plane)
+    if not (over[target] > config.table_distance).any():
+        _check_table_side(over, seen_from, config)
         raise InputError(f"table: expected points more than {config.table_distance:g} m above the plane, got none")
+    notes.extend(_table_notes(plane, over, seen_from, config))
+    return plane
+
+
+def _check_table_side(over: np.ndarray, seen_from: np.ndarray | None, config: SceneConfig) -> None:
+    """InputError where what stands on the table stands on the side away from the viewpoints."""
+    below = float((over < -2 * config.table_distance).mean())
+    if seen_from is not None and below > _ABOVE and config.table == "find":
+        where = ", ".join(f"{x:.4g}" for x in seen_from.mean(axis=0))
+        raise InputError(
+            f"viewpoints: expected on the side of what stands on the table, got ({where}) m below it, and {below:.0%} "
+            "of the points on its other side alone; give viewpoints=[[x,y,z],...], where the camera was"
+        )
+
+
+def _table_notes(plane: np.ndarray, over: np.ndarray, seen_from: np.ndarray | None, config: SceneConfig) -> list[str]:
     equation = ", ".join(f"{value:.4f}" for value in plane)
-    notes.append(
-        f"table ({equation}): {len(points) - left - below} points on it and {below} below removed of {len(points)}"
+    on, below = (int(which.sum()) for which in (np.abs(over) <= config.table_distance, over < -config.table_distance))
+    tilt = float(np.rad2deg(np.arccos(np.clip(plane[2], -1, 1))))
+    eye = (
+        "" if seen_from is None else f", {float(height(seen_from.mean(axis=0)[None], plane)[0]):.3f} m below the camera"
     )
-    return [cloud for cloud in above if len(cloud)], plane
+    notes = [
+        f"table ({equation}): tilted {tilt:.1f} deg from z{eye}; {on} points on it and {below} below removed of "
+        f"{len(over)}"
+    ]
+    if below > _BELOW * len(over):
+        notes.append(
+            f"warning: table: {below / len(over):.0%} of the points lie below it; is it the plane that the objects "
+            "stand on? else give table=[a,b,c,d] or crop_low, crop_high"
+        )
+    return notes
 
 
 def viewpoints_of(clouds: Sequence[Cloud]) -> np.ndarray | None:

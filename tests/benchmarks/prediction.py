@@ -24,8 +24,8 @@ from shared.harness import Report, threads
 
 from spgf_torch.config import SceneConfig, find, settings
 from spgf_torch.features.descriptors import descriptor
+from spgf_torch.scene.assembly import scene_of_clouds
 from spgf_torch.scene.cloud import Cloud
-from spgf_torch.scene.scene import scene_of_clouds
 
 DEFAULT, ROUNDS = "outputs/train/latest", 5
 LIMITS = {"one": "<= 0.5 s on 2 cores", "scene": "<= 5 s, <= 2 GB"}
@@ -74,10 +74,7 @@ def stages(predictor: "spgf_torch.predictor.Predictor", cloud: Cloud, size: str)
     generator = torch.Generator().manual_seed(0)
     features = descriptor(proposer.features)(positions, normals, proposer.features, generator)
     lap("features")
-    plane = (
-        None if found.plane is None else spgf_torch.predictor.Plane.of(tuple(found.plane[:3]), -float(found.plane[3]))
-    )
-    proposals = proposer.propose_from(features, positions, plane)
+    proposals = proposer.propose_from(features, positions, predictor.surroundings(found))
     lap("proposals")
     grasps = predictor.grasps(proposals, 10)
     lap("grasps")

@@ -8,8 +8,9 @@ import torch
 import trimesh
 
 from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.scene.assembly import read_scene, scene_of_views, texlets_of
 from spgf_torch.scene.cloud import Cloud
-from spgf_torch.scene.scene import Scene, read_scene, scene_of_views, texlets_of
+from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, surround
 from spgf_torch.sensing.sense import observe
@@ -34,11 +35,11 @@ def test_a_cloud_from_file_to_texlets(cloud: Path) -> None:
     scene = read(input=cloud, viewpoints=[[0.1, 0, 1.0]])
     outwards = scene.texlets.positions - torch.tensor([0.1, 0, 0.2])
     assert len(scene.texlets) > 200
-    assert scene.texlets.positions.dtype == scene.points.dtype == torch.float32
+    assert scene.texlets.positions.dtype == scene.obstacles.dtype == torch.float32
     torch.testing.assert_close(scene.texlets.normals.norm(dim=1), torch.ones(len(scene.texlets)))
     assert ((outwards / 0.05) * scene.texlets.normals).sum(1).min() > 0.95
     np.testing.assert_array_equal(scene.viewpoints, [[0.1, 0, 1.0]])
-    assert scene.plane is None
+    assert scene.table is None
     assert any(note.startswith("voxels of 0.002 m") for note in scene.notes)
 
 
@@ -73,9 +74,11 @@ def test_each_cloud_is_turned_to_its_own_viewpoint(ball: Oriented, tmp_path: Pat
 
 def test_a_crop_keeps_what_is_inside(cloud: Path) -> None:
     scene = read(input=cloud, viewpoints=[[0.1, 0, 1.0]], crop_low=[0.1, -1, -1], crop_high=[1, 1, 0.24])
-    assert scene.points[:, 0].min() >= 0.1
-    assert scene.points[:, 2].max() <= 0.24
+    assert scene.texlets.positions[:, 0].min() >= 0.1
+    assert scene.texlets.positions[:, 2].max() <= 0.24
     assert scene.notes[0].startswith("crop: ")
+    outside = (scene.obstacles[:, 0] < 0.1) | (scene.obstacles[:, 2] > 0.24)
+    assert len(scene.obstacles) > 100 and outside.all()
 
 
 def test_a_mesh_is_seen_as_in_training(tray: trimesh.Trimesh, tmp_path: Path) -> None:
@@ -112,15 +115,14 @@ def test_notes_and_plane_of_a_scene_on_a_table(cloud: Path, tmp_path: Path) -> N
     table = np.column_stack([np.random.default_rng(0).random((8000, 2)) * 0.4 - [0.1, 0.2], np.full(8000, 0.15)])
     np.save(tmp_path / "scene.npy", np.concatenate([ball, table]))
     scene = read(input=tmp_path / "scene.npy", viewpoints=[[0.1, 0, 1.0]], table="find")
-    np.testing.assert_allclose(scene.plane, [0, 0, 1, -0.15], atol=1e-6)
-    assert scene.points[:, 2].min() > 0.155
+    np.testing.assert_allclose(scene.table, [0, 0, 1, -0.15], atol=1e-6)
+    assert scene.texlets.positions[:, 2].min() > 0.155
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({}, r"expected normals or a viewpoint .* give viewpoints=\[\[x,y,z\]"),
-        ({"viewpoints": [0, 0, 1]}, "viewpoints: expected any number x 3 finite numbers"),
+        ({"viewpoints": [0, 0]}, "viewpoints: expected any number x 3 finite numbers"),
         ({"viewpoints": [[0, 0, "a"]]}, "viewpoints: expected any number x 3 numbers"),
         ({"viewpoints": [[0, 0, 700]]}, r"viewpoints: expected within 10 m of the points, got .* settings are in m"),
         ({"viewpoints": [[0.1, 0, 0.22]]}, "expected the viewpoint outside of the points"),

@@ -11,12 +11,13 @@ import yaml
 from PIL import Image
 
 from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.scene.assembly import read_scene, scene_of_views
 from spgf_torch.scene.depth import camera_of, every, learned_stride
 from spgf_torch.scene.depth_files import in_metres, read_depth_file
 from spgf_torch.scene.intrinsics import Intrinsics, read_intrinsics
 from spgf_torch.scene.labels import read_mask
 from spgf_torch.scene.poses import read_poses
-from spgf_torch.scene.scene import Scene, read_scene, scene_of_views
+from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, cast, look_at
 from spgf_torch.sensing.texlets import extract
@@ -59,7 +60,7 @@ def test_texlets_equal_those_of_sensing(images: list[tuple[np.ndarray, Camera]],
     torch.testing.assert_close(scene.texlets.positions, expected.positions, atol=1e-6, rtol=0)
     torch.testing.assert_close(scene.texlets.normals, expected.normals, atol=1e-5, rtol=0)
     np.testing.assert_allclose(scene.viewpoints, sorted(c.T_object_camera[:3, 3].tolist() for _, c in images))
-    assert scene.plane is None
+    assert scene.table is None
     assert scene.points.shape[0] > len(expected)
 
 

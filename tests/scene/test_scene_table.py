@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.scene.assembly import scene_of_clouds
 from spgf_torch.scene.cloud import Cloud
-from spgf_torch.scene.scene import scene_of_clouds
 from spgf_torch.scene.table import find_plane, given_plane, height
 
 SENSING = settings(SensingConfig)
@@ -31,9 +31,9 @@ def tabletop() -> Cloud:
 def test_what_lies_above_the_table_is_kept(table: object, tabletop: Cloud) -> None:
     config = settings(SceneConfig, table=table)
     scene = scene_of_clouds([tabletop], config, SENSING, np.random.default_rng(0))
-    assert scene.plane is not None
-    np.testing.assert_allclose(scene.plane, [0, 0, 1, -0.1], atol=1e-3)
-    above = height(scene.points.numpy(), scene.plane)
+    assert scene.table is not None
+    np.testing.assert_allclose(scene.table, [0, 0, 1, -0.1], atol=1e-3)
+    above = height(scene.texlets.positions.double().numpy(), scene.table)
     assert above.min() > config.table_distance - 1e-6
     assert np.linalg.norm(scene.texlets.positions.numpy() - [0.2, 0.2, 0.1], axis=1).max() < 0.055
     below = [re.search(r"^table \(.* points on it and (\d+) below removed of", note) for note in scene.notes]
@@ -47,11 +47,12 @@ def test_the_same_generator_finds_the_same_table(tabletop: Cloud) -> None:
 
 
 def test_the_side_of_the_objects(tabletop: Cloud) -> None:
-    """That of the camera; without one, that of most points beside the plane."""
+    """That of the camera; without one, that of most points beside the plane; a camera below it is refused."""
     config, rng = settings(SceneConfig), np.random.default_rng(0)
     assert find_plane(tabletop.points, EYE, config, rng)[2] > 0
-    assert find_plane(tabletop.points, EYE * [1, 1, -1], config, rng)[2] < 0
     assert find_plane(tabletop.points, None, config, rng)[2] > 0
+    with pytest.raises(InputError, match=r"viewpoints: expected on the side .* got \(0\.3, -0\.4, -0\.8\) m, 0\.9"):
+        find_plane(tabletop.points, EYE * [1, 1, -1], config, rng)
 
 
 def test_a_tilted_table_in_a_moved_frame(tabletop: Cloud) -> None:

@@ -1,0 +1,285 @@
+"""From clouds, depth images or a mesh to a scene, step by step: targets, table, normals, texlets, obstacles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from spgf_torch.config import InputError, SceneConfig, SensingConfig
+from spgf_torch.scene.cloud import Cloud, checked, vectors, voxel_means
+from spgf_torch.scene.degenerate import flat_hint, why_no_grasp
+from spgf_torch.scene.depth import every, learned_stride, pixel_points, surface
+from spgf_torch.scene.depth_files import is_depth
+from spgf_torch.scene.files import read_clouds
+from spgf_torch.scene.gravity import Gravity, gravity_of
+from spgf_torch.scene.meshes import as_cloud, is_mesh, sampled, sensed
+from spgf_torch.scene.normals import neighbourhoods, oriented
+from spgf_torch.scene.plausible import check_depth_image, size_notes
+from spgf_torch.scene.scene import Scene, no_texlets
+from spgf_torch.scene.selection import crop_box, is_target, table_of, targeted, viewpoints_of, within
+from spgf_torch.scene.table import height
+from spgf_torch.scene.viewpoint import check_side, with_viewpoint
+from spgf_torch.scene.views import View, files_of, read_views
+from spgf_torch.sensing.texlets import Texlets, thin
+
+# Points further apart than this much of the texlets' spacing leave many a texlet with one point, which then must do.
+_SPARSE = 0.85
+# m; texlets and grasps are float32, exact to 0.03 mm there.
+_FAR = 1000.0
+
+
+def read_scene(config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator) -> Scene:
+    """The scene in the files that `config.input` names: point clouds, depth images (with `intrinsics`) or a mesh.
+
+    Args:
+        sensing: how texlets are extracted and thinned: that of the model. A mesh is sensed by its cameras.
+        generator: source of all randomness.
+
+    Raises:
+        InputError, which names the file or setting, for whatever cannot be used.
+    """
+    if not config.input:
+        raise InputError("input: expected a point cloud, depth image or mesh (input=FILE), got none")
+    paths = files_of("input", config.input)
+    if any(is_depth(path, config) for path in paths):
+        _unused(config, "viewpoints", "point clouds")
+        return scene_of_views(read_views(paths, config), config, sensing, generator)
+    for key in ("poses", "stride"):
+        _unused(config, key, "depth images, which need intrinsics")
+    meshes = [path for path in paths if is_mesh(path, config)]
+    if len(meshes) == 1 == len(paths) and (cloud := as_cloud(meshes[0], config)) is not None:
+        return scene_of_clouds([cloud], config, sensing, generator)
+    if not meshes:
+        return scene_of_clouds(read_clouds(paths, config), config, sensing, generator)
+    if len(paths) > 1:
+        clouds = [as_cloud(path, config) if path in meshes else read_clouds([path], config)[0] for path in paths]
+        known = [cloud for cloud in clouds if cloud is not None]
+        if len(known) == len(paths) and config.mask is None and config.segments is None:
+            return scene_of_clouds(known, config, sensing, generator)
+        raise InputError(f"input: expected one mesh or several clouds, got {len(meshes)} meshes in {len(paths)} files")
+    for key in ("viewpoints", "mask", "segments"):
+        what = "point clouds (as=cloud takes a mesh for one)"
+        _unused(config, key, what if key == "viewpoints" else "point clouds and depth images")
+    return _scene_of_mesh(meshes[0], config, sensing, generator)
+
+
+def texlets_of(cloud: Cloud, config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator) -> Texlets:
+    """The texlets of one point cloud in m; see `scene_of_clouds`."""
+    return scene_of_clouds([cloud], config, sensing, generator).texlets
+
+
+def scene_of_clouds(
+    clouds: Sequence[Cloud], config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator
+) -> Scene:
+    """The scene that point clouds in m, one frame, show together, such as those of a live camera.
+
+    Each is thinned by voxels, freed from the table and from outliers, and given normals where it has none, turned to
+    its own viewpoints (or to `config.viewpoints`); then the targets' points are thinned to texlets together.
+    """
+    if config.viewpoints is not None:
+        viewpoints = vectors("viewpoints", np.atleast_2d(np.array(config.viewpoints, dtype=object)).tolist(), (None, 3))
+        clouds = [replace(cloud, viewpoints=viewpoints) for cloud in clouds]
+    clouds = [checked(cloud) for cloud in clouds]
+    notes = [f"{cloud.name}: {note}" for cloud in clouds for note in cloud.notes]
+    read = sum(map(len, clouds))
+    clouds, told = targeted(clouds, config)
+    notes += told
+    _check_near(clouds)
+    given = {cloud.name for cloud in clouds if cloud.viewpoints is not None}
+    raw, clouds = clouds, [voxel_means(cloud, config.voxel) for cloud in clouds]
+    notes.append(f"voxels of {config.voxel:g} m: {sum(map(len, clouds))} points of {read}")
+    clouds = [with_viewpoint(cloud, before, config, notes) for cloud, before in zip(clouds, raw, strict=True)]
+    ahead = float(np.concatenate([cloud.points[:, 2] for cloud in clouds]).mean())
+    gravity = gravity_of(config, viewpoints_of(clouds), ahead=ahead)
+    table = table_of(clouds, config, generator, gravity, notes)
+    targets, obstacles = _apart(clouds, table, config)
+    before_outliers = sum(map(len, targets))
+    facing = [oriented(cloud, config, notes) for cloud in targets]
+    if (why := why_no_grasp(targets, facing, table, config)) is not None:
+        return _nothing(why, obstacles, table, gravity, viewpoints_of(clouds), notes, sensing)
+    for cloud, before in zip(facing, targets, strict=True):
+        if before.normals is None and cloud.name in given:
+            check_side(cloud, config, notes)
+    dropped = before_outliers - sum(map(len, facing))
+    if 2 * dropped > before_outliers:
+        raise InputError(
+            f"{facing[0].name}: expected most points to have {config.min_neighbours} others of their side within "
+            f"{config.normal_radius:g} m, got {dropped / before_outliers:.0%} with fewer; give a larger normal_radius"
+        )
+    notes.append(f"outliers: {dropped} of {before_outliers} points dropped")
+    _, apart = neighbourhoods(
+        np.concatenate([cloud.points for cloud in facing]), config.min_neighbours, sensing.spacing
+    )
+    if apart > _SPARSE * sensing.spacing:
+        sensing = replace(sensing, min_members=1)
+    notes += size_notes(facing, None, config, table is not None)
+    return _thinned(facing, obstacles, table, gravity, notes, config, sensing, generator)
+
+
+def scene_of_views(
+    views: Sequence[View], config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator
+) -> Scene:
+    """The scene that depth images show together, in the frame of their cameras' poses.
+
+    The targets' surface points are those of `sensing.texlets.extract`; every other pixel with a return is an obstacle.
+    """
+    clouds, strides, notes = [], [], []
+    for view in views:
+        if view.depth.shape != (view.camera.height, view.camera.width):
+            expected = f"{view.camera.height} x {view.camera.width} pixels"
+            raise InputError(f"{view.name}: expected {expected}, got {view.depth.shape}")
+        notes += [f"{view.name}: {note}" for note in view.notes]
+        check_depth_image(view)
+        strides.append(_stride(view, config, sensing))
+        clouds += _surfaces(view, strides[-1], config, sensing)
+    if not any(bool(is_target(cloud).any()) for cloud in clouds):
+        raise InputError(
+            f"input: expected surfaces of {sensing.window} x {sensing.window} pixels in the depth images, got none"
+        )
+    clouds, told = targeted([cloud for cloud in clouds if len(cloud)], config)
+    notes += told
+    notes.insert(0, f"stride: every {', '.join(map(str, strides))} pixels of the depth images")
+    gravity = gravity_of(config, None, [view.camera.T_object_camera[:3, :3] for view in views])
+    table = table_of(clouds, config, generator, gravity, notes)
+    targets, obstacles = _apart(clouds, table, config)
+    if (why := why_no_grasp(targets, targets, table, config)) is not None:
+        return _nothing(why, obstacles, table, gravity, viewpoints_of(clouds), notes, sensing)
+    notes += size_notes(targets, views, config, table is not None)
+    return _thinned(targets, obstacles, table, gravity, notes, config, sensing, generator)
+
+
+def _surfaces(view: View, stride: int, config: SceneConfig, sensing: SensingConfig) -> list[Cloud]:
+    """The oriented surface points of each target of one depth image, and the points of the rest without normals."""
+    depth, camera = every(view.depth, view.camera, stride)
+    if view.labels is None:
+        return [surface(depth, camera, sensing, view.name)]
+    labels, parts = view.labels[::stride, ::stride], []
+    for label in np.unique(labels[labels > 0]):
+        part = surface(np.where(labels == label, depth, 0.0), camera, sensing, view.name)
+        parts.append(replace(part, labels=np.full(len(part), label, np.int32)))
+    rest = (labels <= 0) & np.isfinite(depth) & (depth > 0)
+    points = pixel_points(depth, camera)[rest]
+    eye = camera.T_object_camera[None, :3, 3]
+    thinned = voxel_means(Cloud(points), config.voxel).points if len(points) else points
+    return [*parts, Cloud(thinned, None, eye, view.name, np.zeros(len(thinned), np.int32))]
+
+
+def _stride(view: View, config: SceneConfig, sensing: SensingConfig) -> int:
+    """The stride that is set, or the one that suits the target's pixels in the crop box."""
+    if config.stride is not None:
+        if config.stride < 1:
+            raise InputError(f"stride: expected a whole number from 1, got {config.stride}")
+        return config.stride
+    depth = np.where(np.isfinite(view.depth), view.depth, 0.0)
+    returned = depth > 0
+    if view.labels is not None and (returned & (view.labels > 0)).any():
+        returned &= view.labels > 0
+    inside = returned & within(pixel_points(depth, view.camera), crop_box(config))
+    matter = depth[inside] if inside.any() else depth[returned]
+    return learned_stride(matter, view.camera.K, sensing) if len(matter) else 1
+
+
+def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator) -> Scene:
+    if config.mesh == "whole":
+        clouds, notes = targeted([sampled(path, config, generator)], config)
+        gravity = gravity_of(config, None)
+        table = table_of(clouds, config, generator, gravity, notes)
+        targets, obstacles = _apart(clouds, table, config)
+        return _thinned(targets, obstacles, table, gravity, notes, config, sensing, generator)
+    texlets, viewpoints = sensed(path, config, sensing, generator)
+    points, normals = texlets.positions.double().numpy(), texlets.normals.double().numpy()
+    if not len(points):
+        raise InputError(f"{path}: expected a mesh that the cameras see, got no texlet")
+    clouds, notes = targeted([Cloud(points, normals, viewpoints, str(path))], config)
+    notes.insert(0, f"taken for a mesh (as=cloud says otherwise): seen by {len(viewpoints)} simulated cameras")
+    gravity = gravity_of(config, None)
+    table = table_of(clouds, config, generator, gravity, notes)
+    targets, obstacles = _apart(clouds, table, config)
+    if (why := why_no_grasp(targets, targets, table, config)) is not None:
+        return _nothing(why, obstacles, table, gravity, viewpoints, notes, sensing)
+    kept = targets[0]
+    assert kept.normals is not None
+    seen = Texlets(torch.from_numpy(kept.points).float(), torch.from_numpy(kept.normals).float())
+    labels = torch.ones(len(seen), dtype=torch.int64)
+    solid = torch.from_numpy(obstacles).float()
+    return Scene(seen, labels, solid, table, gravity, viewpoints, sensing.spacing, tuple(notes))
+
+
+def _apart(clouds: Sequence[Cloud], table: np.ndarray | None, config: SceneConfig) -> tuple[list[Cloud], np.ndarray]:
+    """The targets' points above the table, cloud by cloud, and the obstacles (M, 3) above it, m."""
+    targets, obstacles = [], [np.zeros((0, 3))]
+    for cloud in clouds:
+        target = is_target(cloud)
+        above = np.ones(len(cloud), bool) if table is None else height(cloud.points, table) > config.table_distance
+        if (target & above).any():
+            targets.append(cloud.select(target & above))
+        obstacles.append(cloud.points[~target & above])
+    return targets, np.concatenate(obstacles)
+
+
+def _thinned(
+    clouds: Sequence[Cloud],
+    obstacles: np.ndarray,
+    table: np.ndarray | None,
+    gravity: Gravity | None,
+    notes: list[str],
+    config: SceneConfig,
+    sensing: SensingConfig,
+    generator: np.random.Generator,
+) -> Scene:
+    """The scene of oriented clouds together, each target thinned to texlets of its own."""
+    points = np.concatenate([cloud.points for cloud in clouds])
+    normals = np.concatenate([cloud.normals for cloud in clouds if cloud.normals is not None])
+    label = np.concatenate([np.ones(len(c), np.int32) if c.labels is None else c.labels for c in clouds])
+    parts = {int(k): thin(points[label == k], normals[label == k], sensing, generator) for k in np.unique(label)}
+    texlets = Texlets(
+        torch.cat([part.positions for part in parts.values()]), torch.cat([part.normals for part in parts.values()])
+    )
+    if not len(texlets):
+        raise InputError(
+            f"{clouds[0].name}: expected {sensing.min_members} points within {sensing.spacing:g} m somewhere, got "
+            f"fewer everywhere in {len(points)}; a denser cloud, or another unit or depth_scale?"
+        )
+    labels = torch.cat([torch.full((len(part),), k, dtype=torch.int64) for k, part in parts.items()])
+    if len(parts) > 1:
+        notes.append(f"targets: {', '.join(f'{k} ({len(part)} texlets)' for k, part in parts.items())}")
+    solid = torch.from_numpy(obstacles).float()
+    if len(solid):
+        notes.append(f"obstacles: {len(solid)} points of what is no target")
+    if (hint := flat_hint(points, normals, table, config)) is not None:
+        notes.append(hint)
+    return Scene(texlets, labels, solid, table, gravity, viewpoints_of(clouds), sensing.spacing, tuple(notes))
+
+
+def _nothing(
+    why: str,
+    obstacles: np.ndarray,
+    table: np.ndarray | None,
+    gravity: Gravity | None,
+    viewpoints: np.ndarray | None,
+    notes: list[str],
+    sensing: SensingConfig,
+) -> Scene:
+    """A scene in which there is nothing to grasp, and why."""
+    solid = torch.from_numpy(obstacles).float()
+    none = torch.zeros(0, dtype=torch.int64)
+    return Scene(no_texlets(), none, solid, table, gravity, viewpoints, sensing.spacing, tuple(notes), why)
+
+
+def _check_near(clouds: Sequence[Cloud]) -> None:
+    """Raises InputError where most points are so far from the origin that texlets would be rounded."""
+    for cloud in clouds:
+        away = float(np.abs(np.median(cloud.points, axis=0)).max(initial=0)) if len(cloud) else 0.0
+        if away > _FAR:
+            raise InputError(
+                f"{cloud.name}: expected points within {_FAR:g} m of the origin, got {away:.4g} m; subtract an offset"
+            )
+
+
+def _unused(config: SceneConfig, key: str, what: str) -> None:
+    if getattr(config, key) is not None:
+        raise InputError(f"{key}: expected with {what} only, got {getattr(config, key)!r} for another input")

@@ -1,0 +1,64 @@
+"""Whether a surface is what one camera sees, as RealSense, Zivid and Photoneo write it, or a thing from all sides."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from spgf_torch.scene.normals import sphere
+
+# Of the faces' area, those that a camera has before it: noise turns a few at depth edges.
+_SEEN = 0.97
+# Times the median edge: longer faces join what is apart in depth, along the rays, and say nothing of the camera.
+_STRETCHED = 4.0
+_DIRECTIONS = 256
+# Extents of the surface to a camera of which only the direction is known.
+_AWAY = 3.0
+_FACES = 20_000
+
+
+def seen_from(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
+    """(3,) a place from which all of an open surface is seen, the origin before others; None for any other surface.
+
+    From far away in a direction, the place is several extents out: it tells the side, not the distance.
+
+    Args:
+        vertices: (V, 3), any unit. faces: (F, 3), turned one way throughout.
+    """
+    vertices, faces = _joined(vertices, faces)
+    if len(faces) < 2 or not _open(faces):
+        return None
+    corners = vertices[faces]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    corners = corners[edges <= _STRETCHED * np.median(edges)]
+    if len(corners) > _FACES:
+        corners = corners[np.random.default_rng(0).choice(len(corners), _FACES, replace=False)]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    middle, size = corners.mean(axis=1), np.linalg.norm(area, axis=1)
+    if not size.sum() > 0:
+        return None
+    extent = float(np.ptp(vertices[np.unique(faces)], axis=0).max())
+    centre = middle.mean(axis=0)
+    # Beyond the directions: the mean of the faces', of either sign.
+    towards = area.sum(axis=0) / max(float(np.linalg.norm(area.sum(axis=0))), 1e-300)
+    eyes = [np.zeros(3), *(centre + _AWAY * extent * d for d in (towards, -towards, *sphere(_DIRECTIONS)))]
+    for eye in eyes:
+        along = ((eye - middle) * area).sum(axis=1) > 0
+        front = float(size[along].sum() / size.sum())
+        if max(front, 1 - front) >= _SEEN:
+            return eye
+    return None
+
+
+def _joined(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices in one place as one, and the faces that have three corners still; none at 0 0 0, which is no reading."""
+    found, home = np.unique(vertices, axis=0, return_inverse=True)
+    faces = home.reshape(-1)[faces]
+    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    measured = np.isfinite(found).all(axis=1) & (found != 0).any(axis=1)
+    return found, faces[whole & measured[faces].all(axis=1)]
+
+
+def _open(faces: np.ndarray) -> bool:
+    """Whether some edge has one face only."""
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 1).any())
