@@ -10,7 +10,7 @@ import numpy as np
 
 from spgf_torch.config import InputError, SceneConfig
 from spgf_torch.objects.scans import METRES
-from spgf_torch.reading import existing, npz_arrays, npz_headers
+from spgf_torch.reading import existing, npy_array, npz_arrays, npz_headers
 from spgf_torch.scene.images import check_pixels, image_pixels, numbers
 from spgf_torch.scene.intrinsics import Intrinsics, checked_K, depth_scale_of
 
@@ -230,6 +230,4 @@ def _starts(path: Path, magic: bytes) -> bool:
 
 
 def _structured(path: Path) -> bool:
-    from spgf_torch.reading import npy_array
-
     return npy_array(path).dtype.kind not in "fiub"
