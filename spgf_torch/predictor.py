@@ -127,7 +127,7 @@ class Predictor:
         if plane is not None:
             raise InputError("plane: expected with texlets only; a scene has its table (table=[a,b,c,d])")
         found = []
-        for target in scene.targets:
+        for target in scene.targets if scene.no_grasp is None else ():
             proposals = self.proposer.propose((own := scene.of(target)).texlets, self.surroundings(own))
             found += [(-score, replace(grasp, target=target)) for score, grasp in self._scored(proposals, top)]
         return [grasp for _, grasp in sorted(found, key=lambda pair: pair[0])]

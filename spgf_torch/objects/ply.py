@@ -17,6 +17,7 @@ from spgf_torch.config import InputError
 from spgf_torch.reading import existing
 
 _LONGEST_HEADER = 1 << 16  # bytes
+_LONGEST_LIST = 1000  # values, of lists that are taken to be all of one length
 TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
@@ -154,6 +155,8 @@ def _ascii(path: Path, tokens: np.ndarray, at: int, element: Element) -> tuple[d
             raise _cut(path, element, (len(tokens) - at) // max(width, 1))
         table = tokens[at:end].reshape(element.count, width)
         return {each.name: table[:, i] for i, each in enumerate(element.properties)}, end
+    if (regular := _regular_rows(tokens[at:], element)) is not None:
+        return regular[0], at + element.count * regular[1]
     columns: dict[str, list[float]] = {each.name: [] for each in element.properties if not each.length}
     for row in range(element.count):
         for each in element.properties:
@@ -180,6 +183,8 @@ def _binary(path: Path, body: bytes, at: int, element: Element, order: str) -> t
             return {}, at
         table = np.frombuffer(body, row, element.count, at)
         return {each.name: table[str(i)].astype(np.float64) for i, each in enumerate(element.properties)}, end
+    if (packed := _regular_bytes(body, at, element, order)) is not None:
+        return packed[0], at + element.count * packed[1]
     columns: dict[str, list[float]] = {each.name: [] for each in element.properties if not each.length}
     for row_number in range(element.count):
         for each in element.properties:
@@ -195,6 +200,48 @@ def _binary(path: Path, body: bytes, at: int, element: Element, order: str) -> t
     if at > len(body):
         raise _cut(path, element, element.count - 1)
     return {name: np.array(values) for name, values in columns.items()}, at
+
+
+def _regular_rows(tokens: np.ndarray, element: Element) -> tuple[dict[str, np.ndarray], int] | None:
+    """Columns and values a row of an element all of whose lists are as long as those of its first row; else None."""
+    places, width = [], 0
+    for each in element.properties:
+        if width >= len(tokens) or (each.length and not 0 <= tokens[width] <= _LONGEST_LIST):
+            return None
+        places.append(width)
+        width += 1 + (int(tokens[width]) if each.length else 0)
+    if element.count * width > len(tokens):
+        return None
+    table = tokens[: element.count * width].reshape(element.count, width)
+    both = list(zip(element.properties, places, strict=True))
+    if any(each.length and (table[:, at] != table[0, at]).any() for each, at in both):
+        return None
+    return {each.name: table[:, at] for each, at in both if not each.length}, width
+
+
+def _regular_bytes(body: bytes, at: int, element: Element, order: str) -> tuple[dict[str, np.ndarray], int] | None:
+    """The same in bytes."""
+    fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
+    first = at
+    for i, each in enumerate(element.properties):
+        kind = np.dtype(order + (each.length or each.kind))
+        if first + kind.itemsize > len(body):
+            return None
+        fields.append((str(i), kind.str))
+        length = int(np.frombuffer(body, kind, 1, first)[0]) if each.length else 0
+        first += kind.itemsize + length * np.dtype(each.kind).itemsize
+        if not 0 <= length <= _LONGEST_LIST:
+            return None
+        if each.length:
+            fields.append((f"{i} values", order + each.kind, (length,)))
+    row = np.dtype(fields)
+    if at + element.count * row.itemsize > len(body):
+        return None
+    table = np.frombuffer(body, row, element.count, at)
+    named = {str(i): each for i, each in enumerate(element.properties)}
+    if any(each.length and (table[i] != table[i][0]).any() for i, each in named.items()):
+        return None
+    return {each.name: table[i].astype(np.float64) for i, each in named.items() if not each.length}, row.itemsize
 
 
 def _cut(path: Path, element: Element, got: int) -> InputError:

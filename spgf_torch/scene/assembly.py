@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from spgf_torch.scene.gravity import Gravity, gravity_of
 from spgf_torch.scene.meshes import as_cloud, is_mesh, sampled, sensed
 from spgf_torch.scene.normals import neighbourhoods, oriented
 from spgf_torch.scene.plausible import check_depth_image, size_notes
-from spgf_torch.scene.scene import Scene, no_texlets
+from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.selection import crop_box, is_target, table_of, targeted, viewpoints_of, within
 from spgf_torch.scene.table import height
 from spgf_torch.scene.viewpoint import check_side, with_viewpoint
@@ -99,25 +99,24 @@ def scene_of_clouds(
     targets, obstacles = _apart(clouds, table, config)
     before_outliers = sum(map(len, targets))
     facing = [oriented(cloud, config, notes) for cloud in targets]
-    if (why := why_no_grasp(targets, facing, table, config)) is not None:
-        return _nothing(why, obstacles, table, gravity, viewpoints_of(clouds), notes, sensing)
+    why = why_no_grasp(targets, facing, table, config)
     for cloud, before in zip(facing, targets, strict=True):
-        if before.normals is None and cloud.name in given:
+        if before.normals is None and cloud.name in given and why is None:
             check_side(cloud, config, notes)
     dropped = before_outliers - sum(map(len, facing))
-    if 2 * dropped > before_outliers:
+    if 2 * dropped > before_outliers and why is None:
         raise InputError(
             f"{facing[0].name}: expected most points to have {config.min_neighbours} others of their side within "
             f"{config.normal_radius:g} m, got {dropped / before_outliers:.0%} with fewer; give a larger normal_radius"
         )
     notes.append(f"outliers: {dropped} of {before_outliers} points dropped")
-    _, apart = neighbourhoods(
-        np.concatenate([cloud.points for cloud in facing]), config.min_neighbours, sensing.spacing
-    )
-    if apart > _SPARSE * sensing.spacing:
-        sensing = replace(sensing, min_members=1)
-    notes += size_notes(facing, None, config, table is not None)
-    return _thinned(facing, obstacles, table, gravity, notes, config, sensing, generator)
+    if dropped < before_outliers:
+        kept = np.concatenate([cloud.points for cloud in facing])
+        if neighbourhoods(kept, config.min_neighbours, sensing.spacing)[1] > _SPARSE * sensing.spacing:
+            sensing = replace(sensing, min_members=1)
+        notes += size_notes(facing, None, config, table is not None)
+    around = _Around(obstacles, table, gravity, viewpoints_of(clouds))
+    return _thinned(facing, around, notes, config, sensing, generator, why)
 
 
 def scene_of_views(
@@ -146,10 +145,10 @@ def scene_of_views(
     gravity = gravity_of(config, None, [view.camera.T_object_camera[:3, :3] for view in views])
     table = table_of(clouds, config, generator, gravity, notes)
     targets, obstacles = _apart(clouds, table, config)
-    if (why := why_no_grasp(targets, targets, table, config)) is not None:
-        return _nothing(why, obstacles, table, gravity, viewpoints_of(clouds), notes, sensing)
     notes += size_notes(targets, views, config, table is not None)
-    return _thinned(targets, obstacles, table, gravity, notes, config, sensing, generator)
+    around = _Around(obstacles, table, gravity, viewpoints_of(clouds))
+    why = why_no_grasp(targets, targets, table, config)
+    return _thinned(targets, around, notes, config, sensing, generator, why)
 
 
 def _surfaces(view: View, stride: int, config: SceneConfig, sensing: SensingConfig) -> list[Cloud]:
@@ -189,7 +188,10 @@ def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, gene
         gravity = gravity_of(config, None)
         table = table_of(clouds, config, generator, gravity, notes)
         targets, obstacles = _apart(clouds, table, config)
-        return _thinned(targets, obstacles, table, gravity, notes, config, sensing, generator)
+        around = _Around(obstacles, table, gravity, None)
+        return _thinned(
+            targets, around, notes, config, sensing, generator, why_no_grasp(targets, targets, table, config)
+        )
     texlets, viewpoints = sensed(path, config, sensing, generator)
     points, normals = texlets.positions.double().numpy(), texlets.normals.double().numpy()
     if not len(points):
@@ -199,14 +201,11 @@ def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, gene
     gravity = gravity_of(config, None)
     table = table_of(clouds, config, generator, gravity, notes)
     targets, obstacles = _apart(clouds, table, config)
-    if (why := why_no_grasp(targets, targets, table, config)) is not None:
-        return _nothing(why, obstacles, table, gravity, viewpoints, notes, sensing)
     kept = targets[0]
     assert kept.normals is not None
-    seen = Texlets(torch.from_numpy(kept.points).float(), torch.from_numpy(kept.normals).float())
-    labels = torch.ones(len(seen), dtype=torch.int64)
-    solid = torch.from_numpy(obstacles).float()
-    return Scene(seen, labels, solid, table, gravity, viewpoints, sensing.spacing, tuple(notes))
+    parts = {1: Texlets(torch.from_numpy(kept.points).float(), torch.from_numpy(kept.normals).float())}
+    around = _Around(obstacles, table, gravity, viewpoints)
+    return _scene(parts, around, notes, sensing, why_no_grasp(targets, targets, table, config))
 
 
 def _apart(clouds: Sequence[Cloud], table: np.ndarray | None, config: SceneConfig) -> tuple[list[Cloud], np.ndarray]:
@@ -221,53 +220,56 @@ def _apart(clouds: Sequence[Cloud], table: np.ndarray | None, config: SceneConfi
     return targets, np.concatenate(obstacles)
 
 
+@dataclass(frozen=True)
+class _Around:
+    """What is known beside the targets; see `Scene`."""
+
+    obstacles: np.ndarray
+    table: np.ndarray | None
+    gravity: Gravity | None
+    viewpoints: np.ndarray | None
+
+
 def _thinned(
     clouds: Sequence[Cloud],
-    obstacles: np.ndarray,
-    table: np.ndarray | None,
-    gravity: Gravity | None,
+    around: _Around,
     notes: list[str],
     config: SceneConfig,
     sensing: SensingConfig,
     generator: np.random.Generator,
+    no_grasp: str | None,
 ) -> Scene:
     """The scene of oriented clouds together, each target thinned to texlets of its own."""
     points = np.concatenate([cloud.points for cloud in clouds])
     normals = np.concatenate([cloud.normals for cloud in clouds if cloud.normals is not None])
     label = np.concatenate([np.ones(len(c), np.int32) if c.labels is None else c.labels for c in clouds])
     parts = {int(k): thin(points[label == k], normals[label == k], sensing, generator) for k in np.unique(label)}
-    texlets = Texlets(
-        torch.cat([part.positions for part in parts.values()]), torch.cat([part.normals for part in parts.values()])
-    )
-    if not len(texlets):
+    if not any(map(len, parts.values())) and no_grasp is None:
         raise InputError(
             f"{clouds[0].name}: expected {sensing.min_members} points within {sensing.spacing:g} m somewhere, got "
             f"fewer everywhere in {len(points)}; a denser cloud, or another unit or depth_scale?"
         )
-    labels = torch.cat([torch.full((len(part),), k, dtype=torch.int64) for k, part in parts.items()])
     if len(parts) > 1:
         notes.append(f"targets: {', '.join(f'{k} ({len(part)} texlets)' for k, part in parts.items())}")
-    solid = torch.from_numpy(obstacles).float()
+    if no_grasp is None and (hint := flat_hint(points, normals, around.table, config)) is not None:
+        notes.append(hint)
+    return _scene(parts, around, notes, sensing, no_grasp)
+
+
+def _scene(
+    parts: dict[int, Texlets], around: _Around, notes: list[str], sensing: SensingConfig, no_grasp: str | None
+) -> Scene:
+    """The scene of the texlets of each target."""
+    texlets = Texlets(
+        torch.cat([part.positions for part in parts.values()]), torch.cat([part.normals for part in parts.values()])
+    )
+    labels = torch.cat([torch.full((len(part),), k, dtype=torch.int64) for k, part in parts.items()])
+    solid = torch.from_numpy(around.obstacles).float()
     if len(solid):
         notes.append(f"obstacles: {len(solid)} points of what is no target")
-    if (hint := flat_hint(points, normals, table, config)) is not None:
-        notes.append(hint)
-    return Scene(texlets, labels, solid, table, gravity, viewpoints_of(clouds), sensing.spacing, tuple(notes))
-
-
-def _nothing(
-    why: str,
-    obstacles: np.ndarray,
-    table: np.ndarray | None,
-    gravity: Gravity | None,
-    viewpoints: np.ndarray | None,
-    notes: list[str],
-    sensing: SensingConfig,
-) -> Scene:
-    """A scene in which there is nothing to grasp, and why."""
-    solid = torch.from_numpy(obstacles).float()
-    none = torch.zeros(0, dtype=torch.int64)
-    return Scene(no_texlets(), none, solid, table, gravity, viewpoints, sensing.spacing, tuple(notes), why)
+    return Scene(
+        texlets, labels, solid, around.table, around.gravity, around.viewpoints, sensing.spacing, tuple(notes), no_grasp
+    )
 
 
 def _check_near(clouds: Sequence[Cloud]) -> None:

@@ -77,7 +77,7 @@ def layout_by_values(name: str, table: np.ndarray, intensity: bool = False) -> L
     """
     count = table.shape[1]
     table = table[np.isfinite(table[:, :3]).all(axis=1) & (table[:, :3] != 0).any(axis=1)]
-    if count == 3 or not len(table):  # without a reading anywhere: refused with the cloud
+    if count >= 3 and (count == 3 or not len(table)):  # without a reading anywhere: refused with the cloud
         return Layout()
     if count == 4 and (table[:, 3] == 1).all():
         return Layout(notes=("column 4, which is 1 throughout, left out (homogeneous coordinates)",))

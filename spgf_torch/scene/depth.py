@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from spgf_torch.config import InputError, SensingConfig
+from spgf_torch.config import InputError, SceneConfig, SensingConfig
+from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.intrinsics import Intrinsics
 from spgf_torch.sensing.cameras import Camera
@@ -24,14 +25,23 @@ def check_returns(name: str, depth: np.ndarray) -> None:
         raise InputError(f"{name}: expected pixels with a depth, got none of {depth.size}{hint}")
 
 
-def check_depth(depth: np.ndarray, name: str, low: float, high: float) -> None:
-    """InputError that names the options where the median of a depth image is not between two depths, m."""
+def check_depth(name: str, depth: np.ndarray, counts: bool, config: SceneConfig) -> None:
+    """InputError that names the option where the median of a depth image is none of a scene.
+
+    Args:
+        depth: (H, W) m.
+        counts: it was whole numbers times a scale, not lengths in `config.unit`.
+    """
+    low, high = config.min_extent, config.max_extent
     median = float(np.median(depth[np.isfinite(depth) & (depth > 0)]))
-    if not low <= median <= high:
-        raise InputError(
-            f"{name}: expected a median depth of {low:g} to {high:g} m, got {median:.4g} m; another depth_scale "
-            "(.png) or unit (.npy)?"
-        )
+    if low <= median <= high:
+        return
+    units = {unit: median * metres / METRES[config.unit] for unit, metres in METRES.items() if unit != config.unit}
+    fitting = [f"unit={unit}" for unit, other in units.items() if low <= other <= high]
+    hint = f"{' or '.join(fitting)} would fit" if fitting else "numbers of another kind, such as a depth buffer's?"
+    if counts:
+        hint = "another depth_scale (m per count)?"
+    raise InputError(f"{name}: expected a median depth of {low:g} to {high:g} m, got {median:.4g} m; {hint}")
 
 
 def camera_of(depth: np.ndarray, given: Intrinsics, T: np.ndarray, name: str) -> tuple[Camera, tuple[str, ...]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from spgf_torch.config import InputError, SceneConfig
 from spgf_torch.objects.scans import METRES
-from spgf_torch.reading import existing, npz_arrays, npz_headers
+from spgf_torch.reading import existing, npy_array, npz_arrays, npz_headers
 from spgf_torch.scene.images import check_pixels, image_pixels, numbers
 from spgf_torch.scene.intrinsics import Intrinsics, checked_K, depth_scale_of
 
@@ -19,6 +19,8 @@ _SUFFIXES = (*IMAGES, ".npy", ".npz")
 # First bytes of a file -> pillow's name of the format; PGM are read here, as pillow changes counts by their maximum.
 _FORMATS = {b"\x89PNG": "PNG", b"II*\0": "TIFF", b"MM\0*": "TIFF", b"Pf": "PPM"}
 _PGM = re.compile(rb"(P[25])(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,5})\s")
+_LONGEST_HEADER = 4096  # bytes
+_LONGEST_WORD = 8  # bytes of a number as text, blanks included
 # A 16-bit image's highest value says "too far" or "not measured" in most drivers.
 _SATURATED = 65535
 _DEPTHS = ("depth", "depth_image", "depth_map", "depths", "arr_0")
@@ -117,6 +119,8 @@ def in_metres(
     if wanted is not None and known is not None and not np.isclose(wanted, known):
         key = f"depth_scale={scale:g}" if scale is not None else f"unit={unit}"
         notes.append(f"{key} taken: {wanted:g} m per count; the camera's file says {known:g}")
+    elif scale is None and wanted not in (None, MILLIMETRES):
+        notes.append(f"unit={unit} taken: {wanted:g} m per count")
     used = wanted if wanted is not None else known if known is not None else MILLIMETRES
     if file.told:
         notes.append(f"depth of whole numbers taken as counts of {used:g} m")
@@ -200,20 +204,20 @@ def _image_shape(shape: tuple[int, ...]) -> bool:
 
 def _pgm(path: Path, limit: int) -> np.ndarray:
     """(H, W) counts of a portable grey map as they stand there."""
-    content = path.read_bytes()
-    header = _PGM.match(content)
-    if not header:
-        raise InputError(f"{path}: expected a whole image, got a damaged one (no PGM header)")
-    width, height, most = (int(number) for number in header.groups()[1:])
-    check_pixels(path, (height, width), limit)
-    if not 255 < most <= 65535:
-        raise InputError(f"{path}: expected 16 bits and one channel, got a PGM of values up to {most}")
+    with path.open("rb") as stream:
+        header = _PGM.match(stream.read(_LONGEST_HEADER))
+        if not header:
+            raise InputError(f"{path}: expected a whole image, got a damaged one (no PGM header)")
+        width, height, most = (int(number) for number in header.groups()[1:])
+        check_pixels(path, (height, width), limit)
+        if not 255 < most <= 65535:
+            raise InputError(f"{path}: expected 16 bits and one channel, got a PGM of values up to {most}")
+        stream.seek(header.end())
+        body = stream.read((2 if header[1] == b"P5" else _LONGEST_WORD) * width * height)
     if header[1] == b"P5":
-        body = content[header.end() : header.end() + 2 * width * height]
         values = np.frombuffer(body[: len(body) // 2 * 2], ">u2").astype(np.uint16)
     else:
-        words = content[header.end() :].split()
-        values = np.array([int(word) if word.isdigit() and len(word) < 6 else 0 for word in words], dtype=np.int64)
+        values = np.array([int(word) if word.isdigit() and len(word) < 6 else 0 for word in body.split()])
         values = values.clip(0, 65535).astype(np.uint16)
     if len(values) < width * height:
         raise InputError(f"{path}: expected {width} x {height} pixels, got {len(values)}: the file is cut")
@@ -226,6 +230,4 @@ def _starts(path: Path, magic: bytes) -> bool:
 
 
 def _structured(path: Path) -> bool:
-    from spgf_torch.reading import npy_array
-
     return npy_array(path).dtype.kind not in "fiub"

@@ -14,6 +14,7 @@ from spgf_torch.objects.scans import METRES
 from spgf_torch.reading import existing, npy_array, npz_arrays, npz_headers
 from spgf_torch.scene.cloud import Cloud, check_count, checked, pixels_of
 from spgf_torch.scene.columns import Layout, layout_by_values, named_layout
+from spgf_torch.scene.labels import numbered
 from spgf_torch.scene.pcd import read_pcd
 from spgf_torch.scene.tables import TEXT, read_table
 from spgf_torch.scene.views import files_of_marks, labels_of
@@ -42,7 +43,10 @@ def read_clouds(paths: Sequence[Path], config: SceneConfig) -> list[Cloud]:
         if labels is not None:
             cloud = replace(cloud, labels=labels.ravel(), notes=(*cloud.notes, *notes))
         metres, note = _metres(path, unit, config.unit)
-        clouds.append(checked(replace(cloud, notes=(*cloud.notes, *note))).scaled(metres))
+        cloud = checked(replace(cloud, notes=(*cloud.notes, *note))).scaled(metres)
+        if cloud.labels is not None:
+            numbered(str(marks[1][i]), cloud.labels, "points with a reading")
+        clouds.append(cloud)
     return clouds
 
 

@@ -20,6 +20,8 @@ def image_pixels(path: Path, limit: int, formats: tuple[str, ...]) -> np.ndarray
             image = Image.open(existing(path), formats=formats)
         with image:
             check_pixels(path, (image.height, image.width), limit)
+            if image.format == "TIFF" and getattr(image, "n_frames", 1) > 1:
+                raise InputError(f"{path}: expected one image, got a file of several pages; save the one alone")
             return np.asarray(image)
     except InputError:
         raise

@@ -190,7 +190,7 @@ def _matrix(path: Path, values: dict[Any, Any], depth: int = 0) -> tuple[Any, di
             return matrix["data"], values
         if isinstance(matrix, str):
             return matrix, values
-        if isinstance(matrix, list | np.ndarray) and len(np.shape(matrix)):
+        if isinstance(matrix, np.ndarray) or (isinstance(matrix, list) and matrix):
             return matrix, values
     names = ("fx", "fy", "cx", "cy")
     for prefix in ("", "_"):

@@ -32,7 +32,7 @@ def read_mask(path: Path, limit: int) -> np.ndarray:
     values = _values(path, limit, MASKS)
     if values.ndim == 3:
         values = _one_channel(path, values)
-    return values != 0
+    return np.nan_to_num(values) != 0
 
 
 def read_labels(path: Path, limit: int) -> np.ndarray:
@@ -86,10 +86,11 @@ def marked(name: str, mask: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     return mask.astype(np.int32), notes
 
 
-def numbered(name: str, labels: np.ndarray) -> np.ndarray:
-    """Labels with at least one target in them; InputError otherwise."""
+def numbered(name: str, labels: np.ndarray, among: str = "") -> np.ndarray:
+    """Labels with at least one target in them; InputError otherwise, which says among what none is."""
     if not (labels > 0).any():
-        raise InputError(f"{name}: expected labels above 0, which number the targets; got none")
+        where = f" among the {among}" if among else ""
+        raise InputError(f"{name}: expected labels above 0, which number the targets; got none{where}")
     return labels
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from spgf_torch.config import InputError
 from spgf_torch.scene.structured import number_array, structured
@@ -100,6 +99,8 @@ def _matrices(path: Path, array: np.ndarray, notes: list[str]) -> np.ndarray:
 
 
 def _of_lines(path: Path, lines: np.ndarray, notes: list[str]) -> np.ndarray:
+    from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
+
     turns = lines[:, -4:]
     length = np.linalg.norm(turns, axis=1)
     if not np.isfinite(lines).all() or (np.abs(length - 1) > _RIGID).any():

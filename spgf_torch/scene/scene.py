@@ -160,11 +160,6 @@ def _told(scene: Scene) -> Scene:
     return scene
 
 
-def no_texlets() -> Texlets:
-    """Of nothing."""
-    return Texlets(torch.zeros(0, 3), torch.zeros(0, 3))
-
-
 def check_spacing(scene: Scene, sensing: SensingConfig) -> None:
     """InputError for a scene that was made for models of other texlets."""
     if abs(scene.spacing - sensing.spacing) > 1e-9:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import zlib
 from pathlib import Path
@@ -54,12 +53,10 @@ def structured(path: Path, keys: tuple[str, ...] = ()) -> Any:
     content = text(path, WHAT)
     if content.lstrip()[:1] in ("{", "["):
         try:
-            json.loads(content)
-        except (ValueError, RecursionError):
-            if path.suffix.lower() == ".json":
-                raise unreadable(path, WHAT, _error_of(content)) from None
-        else:
             return json_of(content, path, WHAT)
+        except InputError:
+            if path.suffix.lower() == ".json":
+                raise  # others: numbers as numpy prints them, or YAML
     rows, error = _rows(content)
     if rows is not None:
         return rows
@@ -72,14 +69,6 @@ def number_array(path: Path, values: Any) -> np.ndarray:
         return np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{path}: expected a matrix of numbers, got {str(values)[:80]}") from None
-
-
-def _error_of(content: str) -> BaseException:
-    try:
-        json.loads(content)
-    except (ValueError, RecursionError) as error:
-        return error
-    return ValueError("not JSON")
 
 
 def _rows(content: str) -> tuple[list[list[float]] | None, ValueError | None]:

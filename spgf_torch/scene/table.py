@@ -28,6 +28,8 @@ _CELL = 0.02
 _BELOW = 0.04
 # m; planes closer together are a table and a box top on it, farther apart a floor and a table on it.
 _STOREY = 0.3
+# Of the largest plane's points, those of one close below it that it stands on; fewer are a glimpse of a floor.
+_WIDE = 0.5
 # Cosine: nearly parallel planes are storeys of one another.
 _PARALLEL = np.cos(np.deg2rad(15))
 # m; how far the target may reach into the table that it stands on: noise.
@@ -156,8 +158,8 @@ def find_plane(
         if not best[0]:
             raise InputError("table: expected a plane among the points, got points on one line")
         raise InputError(
-            f"table: expected a plane with {config.table_share:.0%} of the points and {config.table_width:g} m wide, got "
-            f"at best {best[0]:.0%} and {best[1]:.2g} m, or one that is not level or has much below it; give "
+            f"table: expected a plane with {config.table_share:.0%} of the points and {config.table_width:g} m wide, "
+            f"got at best {best[0]:.0%} and {best[1]:.2g} m, or one that is not level or has much below it; give "
             "table=[a,b,c,d], or null if there is none"
         )
     return _chosen(points, tables, target).plane
@@ -226,6 +228,7 @@ def _chosen(points: np.ndarray, tables: Sequence[FoundPlane], target: np.ndarray
             continue
         over = float(np.median(height(points[other.on], largest.plane)))
         lower = over < float(np.median(height(points[chosen.on], largest.plane)))
-        if (-_STOREY < over < 0 and lower) or (over > _STOREY and chosen is largest):
+        wide = other.on.sum() >= _WIDE * largest.on.sum()
+        if (-_STOREY < over < 0 and lower and wide) or (over > _STOREY and chosen is largest):
             chosen = other
     return chosen

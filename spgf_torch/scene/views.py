@@ -56,11 +56,13 @@ def read_views(paths: Sequence[Path], config: SceneConfig) -> list[View]:
         given = _intrinsics(config, path, i, count, file)
         depth, notes = in_metres(file, config.depth_scale, config.unit, given)
         check_returns(str(path), depth)
-        check_depth(depth, str(path), config.min_extent, config.max_extent)
+        check_depth(str(path), depth, file.counts, config)
         camera, camera_notes = camera_of(depth, given, poses[i], str(path))
         labels, label_notes = labels_of(marks, i, depth.shape, str(path), config.max_points)
         if file.segments and not marks[0]:
             notes.append(f"{file.segments} beside the depth not used; segments={path.name} makes its numbers targets")
+        if labels is not None:
+            numbered(str(marks[1][i]), labels[np.isfinite(depth) & (depth > 0)], "pixels with a depth")
         every = (*file.notes, *camera_notes, *notes, *(pose_notes if i == 0 else ()), *label_notes)
         views.append(View(depth, camera, labels, str(path), every))
         pixels += depth.size

@@ -78,7 +78,7 @@ IMAGES = [
     ("d.npy", "of a trillion pixels", raw(b"\x93NUMPY\x01\x00v\x00" + str({"descr": "<f4", "fortran_order": False,
      "shape": (10**6, 10**6)}).ljust(117).encode() + b"\n"), "damaged"),
     ("d.npy", "of NaN", npy(np.full((40, 50), np.nan)), "none"),
-    ("d.npy", "in millimetres", npy(DEPTH.astype(float) * 30), "unit"),
+    ("d.npy", "in millimetres", npy(DEPTH.astype(float)), "unit=mm would fit"),
     ("d.npy", "of another size than K", npy(np.full((400, 500), 0.7)), "K"),
     ("d.exr", "of another kind", raw(b"v/1\x01 and more"), "exr"),
 ]  # fmt: skip

@@ -16,7 +16,7 @@ from spgf_torch.affordance.ranking import judge
 from spgf_torch.affordance.voting import cast_votes
 from spgf_torch.features.spgf import Features
 from spgf_torch.geometry import se3
-from spgf_torch.proposing.clearance import Plane
+from spgf_torch.proposing.clearance import Plane, Surroundings
 from spgf_torch.proposing.propose import Proposals, Proposer, propose
 from spgf_torch.proposing.spreading import same_grasp
 from spgf_torch.sensing.texlets import Texlets
@@ -149,7 +149,10 @@ def test_no_grasp_is_listed_twice(proposer: Proposer, features: Features) -> Non
 def test_the_hand_touches_neither_points_nor_table(proposer: Proposer, features: Features, generator) -> None:
     points = 0.03 * torch.randn(20, 3, generator=generator, dtype=torch.float64)
     table = Plane.of((0, 0, 1), -0.01)
-    found, anywhere = proposer.propose_from(features, points, table), proposer.propose_from(features, NOTHING)
+    found, anywhere = (
+        proposer.propose_from(features, points, Surroundings(table=table)),
+        proposer.propose_from(features, NOTHING),
+    )
     clear = proposer.clearance
     assert len(found) > 3
     assert clear.free_of_points(points, found.T_object_tcp, found.grasp_type).all()

@@ -1,5 +1,6 @@
 """Clouds and meshes from file to texlets, and the settings that cannot be used."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +9,11 @@ import torch
 import trimesh
 
 from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.assembly import read_scene, scene_of_views, texlets_of
 from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.scene import Scene
+from spgf_torch.scene.selection import check_extent
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, surround
 from spgf_torch.sensing.sense import observe
@@ -164,6 +167,50 @@ def test_metres_that_are_millimetres(ball: Oriented, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"expected a mesh within 0\.7 m of its middle, .* got 1\.039 m with unit=m"):
         trimesh.creation.box([1.2, 1.2, 1.2]).export(tmp_path / "m.stl")
         read(input=tmp_path / "m.stl")
+
+
+@pytest.mark.parametrize(
+    ("points", "unit", "hint"),
+    [
+        (400.0, "m", "unit=cm or unit=mm would fit, if that is the file's, else crop_low and crop_high"),
+        (50.0, "m", "unit=cm or unit=mm would fit"),
+        (2e5, "m", "no unit would fit; give crop_low and crop_high"),
+        (5e-4, "m", "no unit would fit"),
+        (20.0, "cm", None),
+        (0.2, "cm", "unit=m would fit, if that is the file's"),
+        (0.2, "mm", "unit=m would fit, if that is the file's"),
+        (3.0, "mm", "unit=m or unit=cm would fit, if that is the file's"),
+    ],
+)
+def test_hints_of_units_are_true(points: float, unit: str, hint: str | None, ball: Oriented) -> None:
+    """`points` is the extent of the cloud in the file; a unit is named only where it would fit, and all that do."""
+    extent = points * METRES[unit]
+    low, high = np.zeros(3), np.array([extent, extent / 2, extent / 3])
+    config = settings(SceneConfig, unit=unit)
+    if hint is None:
+        check_extent("a.ply", low, high, config)
+        return
+    with pytest.raises(InputError) as caught:
+        check_extent("a.ply", low, high, config)
+    assert str(caught.value).split("; ", 1)[1].startswith(hint)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "hint"),
+    [
+        (
+            [548e3, 542e4, 240],
+            [548267, 5420267, 300],
+            "the points lie 5.42e+06 m from the origin, as on a map: subtract",
+        ),
+        ([0, 0, 0], [255, 255, 0], "z is 0 throughout: an image, not a surface"),
+        ([3, 3, 3], [3, 3, 3], "all points lie in one place"),
+    ],
+)
+def test_no_unit_mends_a_map_or_an_image(low: list[float], high: list[float], hint: str) -> None:
+    with pytest.raises(InputError, match=re.escape(hint)) as caught:
+        check_extent("a.pcd", np.array(low, float), np.array(high, float), settings(SceneConfig))
+    assert "would fit" not in str(caught.value)
 
 
 def test_bad_meshes(tray: trimesh.Trimesh, tmp_path: Path) -> None:

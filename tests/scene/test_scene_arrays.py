@@ -167,10 +167,30 @@ def test_label_images(tmp_path: Path) -> None:
     Image.fromarray(np.zeros((40, 50, 3), np.uint8)).save(tmp_path / "rgb.png")
     np.save(tmp_path / "other.npy", SEGMENTS[1:])
     np.save(tmp_path / "none.npy", 0 * SEGMENTS)
+    np.save(tmp_path / "elsewhere.npy", 9 * (D == 0.5))
+    Image.fromarray(np.where(D == 0.5, 0, MM).astype(np.uint16)).save(tmp_path / "hole.png")
     for name, message in (
         ("rgb.png", "expected labels of one channel"),
         ("other.npy", r"expected \(40, 50\) pixels as .*d\.png has, got \(39, 50\)"),
         ("none.npy", "expected labels above 0, which number the targets; got none"),
+        ("elsewhere.npy", "got none among the pixels with a depth"),
     ):
         with pytest.raises(InputError, match=message):
-            read_views([tmp_path / "d.png"], settings(SceneConfig, segments=str(tmp_path / name), **given))
+            image = "hole.png" if name == "elsewhere.npy" else "d.png"
+            read_views([tmp_path / image], settings(SceneConfig, segments=str(tmp_path / name), **given))
+
+
+@pytest.mark.parametrize(
+    ("array", "unit", "hint"),
+    [
+        (1000 * D, "m", "got 600 m; unit=cm or unit=mm would fit"),
+        (D, "mm", "got 0.0006 m; unit=m would fit"),
+        (1e6 * D, "m", "numbers of another kind, such as a depth buffer's"),
+        (MM * 30, "m", r"another depth_scale \(m per count\)"),
+    ],
+)
+def test_a_median_depth_of_no_scene(array: np.ndarray, unit: str, hint: str, tmp_path: Path) -> None:
+    np.save(tmp_path / "d.npy", array)
+    config = settings(SceneConfig, intrinsics=[60, 60, 24.5, 19.5], unit=unit)
+    with pytest.raises(InputError, match=hint):
+        read_views([tmp_path / "d.npy"], config)

@@ -61,7 +61,7 @@ def test_texlets_equal_those_of_sensing(images: list[tuple[np.ndarray, Camera]],
     torch.testing.assert_close(scene.texlets.normals, expected.normals, atol=1e-5, rtol=0)
     np.testing.assert_allclose(scene.viewpoints, sorted(c.T_object_camera[:3, 3].tolist() for _, c in images))
     assert scene.table is None
-    assert scene.points.shape[0] > len(expected)
+    assert not len(scene.obstacles)
 
 
 def test_npy_in_millimetres_and_png_are_alike(images: list[tuple[np.ndarray, Camera]], tmp_path: Path) -> None:
@@ -78,11 +78,14 @@ def test_a_turned_camera_by_hand(tmp_path: Path) -> None:
     T = np.array([[0.0, 0, 1, 1], [-1, 0, 0, 2], [0, -1, 0, 3], [0, 0, 0, 1]])
     depth = np.zeros((80, 100))
     depth[:, 50:60] = 0.5
-    scene = read(save(tmp_path, [(depth, Camera(K, T, 100, 80))], stride=1, voxel=0.0005))
+    np.save(tmp_path / "left.npy", np.arange(100) < np.full((80, 1), 55))
+    wall = save(tmp_path, [(depth, Camera(K, T, 100, 80))], stride=1, voxel=0.0005, mask=str(tmp_path / "left.npy"))
+    scene = read(wall)
+    assert scene.no_grasp is not None and "one plane" in scene.no_grasp
     np.testing.assert_allclose(scene.texlets.positions[:, 0], 1.5, atol=1e-5)
     np.testing.assert_allclose(scene.texlets.normals, np.tile([-1.0, 0, 0], (len(scene.texlets), 1)), atol=1e-5)
-    y, z = scene.points[:, 1], scene.points[:, 2]
-    np.testing.assert_allclose([y.max(), y.min()], [2 - 0.5 * 0.5 / 280, 2 - 0.5 * 9.5 / 280], atol=1e-5)
+    y, z = scene.obstacles[:, 1], scene.obstacles[:, 2]
+    np.testing.assert_allclose([y.max(), y.min()], [2 - 0.5 * 5.5 / 280, 2 - 0.5 * 9.5 / 280], atol=1e-5)
     np.testing.assert_allclose([z.max(), z.min()], [3 + 0.5 * 39.5 / 290, 3 - 0.5 * 39.5 / 290], atol=1e-5)
     np.testing.assert_array_equal(scene.viewpoints, [[1, 2, 3]])
 

@@ -10,7 +10,7 @@ import trimesh
 
 from spgf_torch.config import InputError
 from spgf_torch.geometry.principal import principal_axes
-from spgf_torch.objects.mesh_files import ply_faces
+from spgf_torch.objects.mesh_files import mesh_arrays, ply_faces
 from spgf_torch.scene.cloud import Cloud, voxel_means
 from spgf_torch.scene.files import read_cloud
 
@@ -277,3 +277,72 @@ def test_voxels_keep_both_sides_of_a_sheet() -> None:
     points, normals = np.array([[0.0, 0, 0], [0, 0, 0.0005]]), np.array([[0.0, 0, -1], [0, 0, 1]])
     assert len(voxel_means(Cloud(points, normals), 0.002)) == 2
     np.testing.assert_allclose(voxel_means(Cloud(points), 0.002).points, [[0, 0, 0.00025]])
+
+
+FACES = "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+VERTICES = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+CORNERS = "1 0 0\n0 1 0\n0 0 1\n1 1 1\n"
+
+
+def test_ply_with_other_things_in_it(tmp_path: Path) -> None:
+    """Faces, upper case, lists among the vertices (of one length, or not), line breaks anywhere, elements before."""
+    path = tmp_path / "a.ply"
+    lists = VERTICES + "property list uchar int seen_by\n" + FACES
+    faces = "3 0 1 2\n3 1 2 3\n"
+    before = VERTICES.replace("element vertex", "element note 2\nproperty list uchar float a\nelement vertex") + FACES
+    for content in (
+        VERTICES + FACES + CORNERS + faces,
+        (VERTICES + FACES).replace(" x\n", " X\n").replace(" y\n", " Y\n") + CORNERS + faces,
+        lists + CORNERS.replace("\n", " 2 5 6\n") + faces,
+        lists + "1 0 0 0\n0 1 0 2 5 6\n0 0 1 1 7\n1 1 1 0\n" + faces,
+        VERTICES + "property uchar red\n" + FACES + CORNERS.replace("\n", "\n255\n") + faces,
+        before + "1 0.5\n2 0.5 0.5\n" + CORNERS + faces,
+        (VERTICES + FACES + CORNERS + faces).replace("\n", "\r"),
+    ):
+        path.write_bytes(content.encode())
+        np.testing.assert_array_equal(read_cloud(path, LIMIT).points, [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
+
+
+@pytest.mark.parametrize("lengths", [(2, 2, 2, 2), (0, 2, 1, 3)])
+@pytest.mark.parametrize("order", ["little", "big"])
+def test_binary_ply_with_lists(lengths: tuple[int, ...], order: str, tmp_path: Path) -> None:
+    head = (VERTICES + "property list uchar int seen_by\n").replace("ascii", f"binary_{order}_endian") + "end_header\n"
+    mark = "<" if order == "little" else ">"
+    corners = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]])
+    rows = [
+        corner.astype(mark + "f4").tobytes() + bytes([n]) + np.arange(n).astype(mark + "i4").tobytes()
+        for corner, n in zip(corners, lengths, strict=True)
+    ]
+    path = tmp_path / "a.ply"
+    path.write_bytes(head.encode() + b"".join(rows))
+    np.testing.assert_array_equal(read_cloud(path, LIMIT).points, corners)
+    path.write_bytes(head.encode() + b"".join(rows)[:-3])
+    with pytest.raises(InputError, match="expected 4 of vertex as its header says, got 3: the file is cut"):
+        read_cloud(path, LIMIT)
+
+
+def test_the_camera_of_a_ply_is_its_viewpoint_unless_it_is_the_origin(tmp_path: Path) -> None:
+    camera = "element camera 1\n" + "".join(f"property float view_p{axis}\n" for axis in "xyz") + "end_header\n"
+    for words, viewpoints in (("1 2 3", [[1, 2, 3]]), ("0 0 0", None)):
+        (tmp_path / "a.ply").write_text(VERTICES + camera + CORNERS + words + "\n")
+        cloud = read_cloud(tmp_path / "a.ply", LIMIT)
+        assert (None if cloud.viewpoints is None else cloud.viewpoints.tolist()) == viewpoints
+
+
+def test_meshes_in_ply(tmp_path: Path) -> None:
+    """Upper case is read; only what is damaged is called so."""
+    path, faces = tmp_path / "a.ply", "3 0 1 2\n3 1 2 3\n"
+    path.write_text((VERTICES + FACES).replace(" x\n", " X\n") + CORNERS + faces)
+    assert [array.shape for array in mesh_arrays(path)] == [(4, 3), (2, 3)]
+    for content, message in (
+        (
+            VERTICES + "property uchar red\n" + FACES + CORNERS.replace("\n", "\n5\n") + faces,
+            "a layout that is not read",
+        ),
+        (VERTICES + "property bool ok\n" + FACES + CORNERS + faces, "property ok: expected a type .* got bool"),
+        (VERTICES + FACES + CORNERS + faces[:8], r"expected 4 vertices and 2 faces as its header says, got \(4, 1\)"),
+    ):
+        path.write_text(content)
+        with pytest.raises(InputError, match=message) as caught:
+            mesh_arrays(path)
+        assert "damaged" not in str(caught.value)

@@ -142,6 +142,7 @@ def test_binning_and_roi() -> None:
     [
         ({"fx": 0.9, "fy": 1.2, "cx": 0.5, "cy": 0.5}, "expected K in pixels, got focal lengths of 0.9 and 1.2"),
         ({"K": FLAT, "roi": {"x_offset": -1, "width": 5}}, "roi: expected whole numbers"),
+        ({"K": [FLAT, 1, [2]]}, "expected a matrix of numbers"),
         ({"K": FLAT, "binning_x": 1.5}, "expected whole numbers binning_x, binning_y; got"),
         ({"parameters": [{"intrinsic": NAMED}, {"intrinsic": {**NAMED, "fx": 2}}]}, "expected one camera, got 2"),
     ],

@@ -75,6 +75,7 @@ def test_columns(content: str, normals: bool, note: str, tmp_path: Path) -> None
     ("content", "message"),
     [
         (rows(P, N, N), "expected 3 columns x y z or 6 with normals .* got 9; write a first line"),
+        ("0 0\n0 0\n", "expected 3 columns x y z or 6 with normals .* got 2"),
         (rows(P, I), "got 4; write a first line such as x y z intensity"),
         (rows(P, RGB - 300), r"got lengths of .* \(colours\?"),
         ("41\n" + rows(P, I), "expected 41 rows as its first line says, got 40"),
