@@ -29,7 +29,9 @@ def main(arguments: list[str]) -> int:
         print(f"spgf_torch: {arguments[0][:200]!r}: expected no arguments; {remedy}", file=sys.stderr)
         return 2
     width = max(map(len, COMMANDS))
-    print(f"spgf_torch {__version__}: python -m spgf_torch.COMMAND key=value ...   (--help shows a command's settings)\n")
+    print(
+        f"spgf_torch {__version__}: python -m spgf_torch.COMMAND key=value ...   (--help shows a command's settings)\n"
+    )
     for name, words in COMMANDS.items():
         print(f"  {name:{width}}  {words}")
     return 0

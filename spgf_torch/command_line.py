@@ -25,8 +25,25 @@ from spgf_torch.reading import reason
 
 # Settings that name files or folders, in any command.
 PATHS = frozenset(
-    "input model intrinsics poses mask segments objects trials runs out export checkpoints cache baseline"
-    " hand.urdf hydra.run.dir hydra.sweep.dir".split()
+    [
+        "input",
+        "model",
+        "intrinsics",
+        "poses",
+        "mask",
+        "segments",
+        "objects",
+        "trials",
+        "runs",
+        "out",
+        "export",
+        "checkpoints",
+        "cache",
+        "baseline",
+        "hand.urdf",
+        "hydra.run.dir",
+        "hydra.sweep.dir",
+    ]
 )
 # Of these, what may hold numbers instead.
 NUMBERS = frozenset(["intrinsics", "poses"])
@@ -118,7 +135,7 @@ def _check_key(command: str, name: str, known: dict[str, Any]) -> None:
     bare = re.split("[@:]", name)[0]
     outer = [bare[: dot.start()] for dot in re.finditer(r"\.", bare)]
     inside = any(place in known and not is_dataclass(known[place]) for place in outer)  # a mapping of any keys
-    if bare in known or inside or re.match(r"hydra[./]|hydra$", bare) or (root() / "conf" / bare).is_dir():
+    if bare in known or inside or re.match(r"hydra[./]|hydra$", bare) or (bare and (root() / "conf" / bare).is_dir()):
         return
     hint = ELSEWHERE.get(bare) or _meant(bare, known)
     words = f"{bare}: expected a setting of {command}" if bare else f"={name}: expected key=value"
@@ -142,7 +159,7 @@ def _check_grammar(command: str, name: str, override: str, value: str, sweep: bo
     except (HydraException, ValueError, RecursionError) as error:
         if isinstance(error, HydraException):
             quoted = QuotedString(value, Quote.single).with_quotes()
-            got = f"{value}; text with blanks, commas, brackets or quotes goes in quotes: \"{name}={quoted}\""
+            got = f'{value}; text with blanks, commas, brackets or quotes goes in quotes: "{name}={quoted}"'
         else:
             got = reason(error)
         raise InputError(f"{name}: expected a value that Hydra can read, got {got}") from None
@@ -165,7 +182,7 @@ def _paths(name: str, value: str, sweep: bool) -> str:
         return _list(name, value)
     if "," in value and not sweep:
         parts = _split(value)
-        if name in NUMBERS and all(map(_is_number, parts)) or all(map(_exists, parts)):
+        if (name in NUMBERS and all(map(_is_number, parts))) or all(map(_exists, parts)):
             raise InputError(f"{name}: expected a list in brackets, {name}=[{value}]; got {value}")
     return _quoted(_unquoted(value))
 
@@ -211,10 +228,18 @@ def _split(inner: str) -> list[str]:
     while tokens:
         # The shortest run of pieces that is the name of a file; names that do not exist end at the comma.
         runs = [",".join(tokens[:n]) for n in range(1, min(len(tokens), MOST_COMMAS) + 1)]
-        name = next((run for run in runs if _exists(run) or _exists(run.strip())), tokens[0])
-        tokens = tokens[name.count(",") + 1 if name != tokens[0] else 1 :]
-        found.append(name if _exists(name) else name.strip())
+        count, name = next(
+            ((n, form) for n, run in enumerate(runs, 1) for form in _forms(run) if _exists(form)),
+            (1, tokens[0].strip()),
+        )
+        tokens = tokens[count:]
+        found.append(name)
     return found
+
+
+def _forms(piece: str) -> tuple[str, ...]:
+    """What a piece of a list may mean: blanks belong to the name, or the first to the comma before it, or none does."""
+    return piece, piece.removeprefix(" "), piece.strip()
 
 
 def _quotes(piece: str) -> bool:
@@ -236,9 +261,11 @@ def _quoted(path: str) -> str:
     """A path as text of Hydra's grammar, whatever characters it has; `~` is the home folder unless a file is so called."""
     if path.startswith("~"):
         try:
-            path = f"./{path}" if Path(path).exists() else str(Path(path).expanduser())
-        except (OSError, RuntimeError):  # ~somebody who is not known here
+            path = f"./{path}" if _exists(path) else str(Path(path).expanduser())
+        except RuntimeError:  # ~somebody who is not known here
             pass
+    if path == "???":  # OmegaConf's word for a value that is missing
+        path = "./???"
     return QuotedString(path, Quote.single).with_quotes()
 
 

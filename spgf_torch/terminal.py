@@ -95,7 +95,7 @@ def patient() -> Iterator[None]:
 def _own(stream: TextIO | None, number: int, python_s: TextIO | None) -> TextIO | None:
     """A patient stream in the place of Python's own; None where there is another already."""
     if stream is None:  # closed by the caller: `>&-`
-        return open(os.devnull, "w")  # noqa: SIM115
+        return open(os.devnull, "w")
     if stream is not python_s:
         return None
     with suppress(OSError, ValueError):

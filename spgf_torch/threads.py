@@ -4,7 +4,7 @@ torch splits single operations of microseconds among its threads, and each opera
 another process holds a core, all wait for it, thousands of times. Here whole parts of some milliseconds go to threads
 in which torch uses one thread each. How many: as many as torch may use, which OMP_NUM_THREADS or
 `torch.set_num_threads` change; 1 leaves the work in the calling thread. Results do not depend on it. A forked process
-goes on with one thread; for more, start processes with `spawn`.
+goes on with one thread (`spgf_torch/__init__.py`); for more, start processes with `spawn`.
 """
 
 from __future__ import annotations
@@ -55,14 +55,8 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, "spgf_torch", initializer=lambda: torch.set_num_threads(1))
 
 
-def _alone() -> None:
-    """In a forked process, which has no threads but one: torch would wait for OpenMP's, which are gone, for ever."""
-    _pool.cache_clear()
-    torch.set_num_threads(1)
-
-
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_alone)
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked process has no threads but one
 
 
 @contextmanager
