@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from spgf_torch import __version__
+from spgf_torch.terminal import patient
 
 COMMANDS = {
     "train": "learn prototypes and grasp affordances: the experiment of the paper, and a model",
@@ -38,4 +39,6 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    with patient():
+        status = main(sys.argv[1:])
+    sys.exit(status)

@@ -21,7 +21,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from spgf_torch import __version__
-from spgf_torch.command_line import PATHS, translated
+from spgf_torch.command_line import ALIASES, PATHS, translated
 from spgf_torch.config import IncompleteError, InputError, one_line, root, typed
 from spgf_torch.multirun import Multirun
 from spgf_torch.reading import reason
@@ -120,13 +120,13 @@ def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: 
 def fail(command: str, error: Exception) -> NoReturn:
     """Say what is wrong with the input in one line and leave with status 2."""
     lines = [line.strip() for line in str(error).splitlines()]
-    told = re.search(r"Could not override '([^']+)'", str(error))
-    if told:
-        lines = [f"{told[1]}: expected a setting of {command} (see --help), got an unknown key"]
     if "hydra/launcher/" in str(error):
         lines.append("(joblib, slurm and submitit_local: pip install 'spgf-torch[sweep]')")
     words = [line for line in lines if line and not line.startswith(("full_key:", "object_type=", "reference_type"))]
-    print(f"{command}: {one_line(' '.join(words))}", file=sys.stderr)
+    line = one_line(" ".join(words))
+    for alias, name in ALIASES.items():  # as it was given
+        line = re.sub(rf"^{name}(?=: )", alias, line)
+    print(f"{command}: {line}", file=sys.stderr)
     sys.exit(2)
 
 
@@ -137,7 +137,7 @@ def slug(overrides: str) -> str:
 
 
 def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path], None]) -> Path:
-    config = _config(kind, composed)
+    config: Any = _config(kind, composed)
     with claimed(yaml.safe_dump(asdict(config), sort_keys=False, allow_unicode=True, width=float("inf"))) as folder:
         try:
             run(config, folder)

@@ -10,7 +10,7 @@ import difflib
 import io
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -24,27 +24,9 @@ from spgf_torch.config import InputError, root
 from spgf_torch.reading import reason
 
 # Settings that name files or folders, in any command.
-PATHS = frozenset(
-    [
-        "input",
-        "model",
-        "intrinsics",
-        "poses",
-        "mask",
-        "segments",
-        "objects",
-        "trials",
-        "runs",
-        "out",
-        "export",
-        "checkpoints",
-        "cache",
-        "baseline",
-        "hand.urdf",
-        "hydra.run.dir",
-        "hydra.sweep.dir",
-    ]
-)
+_SCENE = {"input", "model", "intrinsics", "poses", "mask", "segments"}
+_FOLDERS = {"objects", "trials", "runs", "out", "export", "checkpoints", "cache", "baseline"}
+PATHS = _SCENE | _FOLDERS | {"hand.urdf", "hydra.run.dir", "hydra.sweep.dir"}
 # Of these, what may hold numbers instead.
 NUMBERS = frozenset(["intrinsics", "poses"])
 # What a command is about: where a word without a key belongs.
@@ -138,7 +120,7 @@ def _check_key(command: str, name: str, known: dict[str, Any]) -> None:
     if bare in known or inside or re.match(r"hydra[./]|hydra$", bare) or (bare and (root() / "conf" / bare).is_dir()):
         return
     hint = ELSEWHERE.get(bare) or _meant(bare, known)
-    words = f"{bare}: expected a setting of {command}" if bare else f"={name}: expected key=value"
+    words = f"{bare}: expected a setting of {command}" if bare else "=: expected a key before it"
     raise InputError(f"{words} (see --help), got an unknown key{f'; {hint}' if hint else ''}")
 
 
@@ -258,12 +240,10 @@ def _unquoted(value: str) -> str:
 
 
 def _quoted(path: str) -> str:
-    """A path as text of Hydra's grammar, whatever characters it has; `~` is the home folder unless a file is so called."""
+    """A path as text of Hydra's grammar, whatever characters it has; `~` is the home folder, or a file of that name."""
     if path.startswith("~"):
-        try:
+        with suppress(RuntimeError):  # ~somebody who is not known here
             path = f"./{path}" if _exists(path) else str(Path(path).expanduser())
-        except RuntimeError:  # ~somebody who is not known here
-            pass
     if path == "???":  # OmegaConf's word for a value that is missing
         path = "./???"
     return QuotedString(path, Quote.single).with_quotes()

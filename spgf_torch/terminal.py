@@ -1,4 +1,4 @@
-"""What a command says, and who listens: closed pipes, full disks and poor alphabets end no work; signals end it in order.
+"""What a command says, and who listens: closed pipes, full disks and poor alphabets end no work; signals do, in order.
 
 Everything is written through `patient` streams: once nobody reads, or there is no room, what is said is dropped and
 the work goes on. `Plain` is a console that prints names as they are: brackets are no markup, `:smile:` no picture, and
@@ -14,6 +14,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from types import FrameType
 from typing import Any, TextIO
 
@@ -22,6 +23,9 @@ from rich.text import Text
 
 # Signals that end a command, beside that of Ctrl-C.
 ENDING = (signal.SIGTERM, signal.SIGHUP)
+
+# What writing to a pipe or a terminal gives that nobody reads any more.
+UNREAD = (errno.EPIPE, errno.EBADF, errno.EIO)
 
 
 class Ended(KeyboardInterrupt):
@@ -87,15 +91,15 @@ def patient() -> Iterator[None]:
             with suppress(OSError, ValueError):
                 stream.flush()
         sys.stdout, sys.stderr = before
-    lost = out.buffer.raw.lost if out else None  # type: ignore[attr-defined]
-    if lost is not None and lost.errno not in (errno.EPIPE, errno.EBADF):
+    lost = getattr(getattr(getattr(out, "buffer", None), "raw", None), "lost", None)
+    if lost is not None and lost.errno not in UNREAD:
         raise lost
 
 
 def _own(stream: TextIO | None, number: int, python_s: TextIO | None) -> TextIO | None:
     """A patient stream in the place of Python's own; None where there is another already."""
     if stream is None:  # closed by the caller: `>&-`
-        return open(os.devnull, "w")
+        return Path(os.devnull).open("w")
     if stream is not python_s:
         return None
     with suppress(OSError, ValueError):
@@ -117,8 +121,8 @@ def ended_by_signals() -> Iterator[None]:
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for caught, handler in before.items():
+            signal.signal(caught, handler)
 
 
 def _end(number: int, frame: FrameType | None) -> None:

@@ -184,7 +184,7 @@ def test_hydras_own_forms_go_on_working() -> None:
         ("export", ["license=mine (all)"], ["license: ", "\"license='mine (all)'\""]),
         ("predict", ["input=a", "viewpoints=[[0,0,0"], ["viewpoints: "]),
         ("predict", ["--cfg", "nosuch"], ["--cfg"]),
-        ("train", ["=3"], ["=3"]),
+        ("train", ["=3"], ["=: "]),
         ("predict", [""], ["no key"]),
     ],
 )
