@@ -25,7 +25,7 @@ from spgf_torch.command_line import ALIASES, PATHS, translated
 from spgf_torch.config import IncompleteError, InputError, one_line, root, typed
 from spgf_torch.multirun import Multirun
 from spgf_torch.reading import reason
-from spgf_torch.run_folder import claimed, moved, point_latest
+from spgf_torch.run_folder import SETTINGS, claimed, moved, point_latest
 from spgf_torch.terminal import Ended, ended_by_signals, patient
 
 T = TypeVar("T")
@@ -137,9 +137,11 @@ def slug(overrides: str) -> str:
 
 
 def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path], None]) -> Path:
-    config: Any = _config(kind, composed)
-    with claimed(yaml.safe_dump(asdict(config), sort_keys=False, allow_unicode=True, width=float("inf"))) as folder:
+    with claimed() as folder:
+        config: Any = _config(kind, composed)
         try:
+            settings = yaml.safe_dump(asdict(config), sort_keys=False, allow_unicode=True, width=float("inf"))
+            (folder / SETTINGS).write_text(settings, encoding="utf-8")
             run(config, folder)
         except IncompleteError:
             _point(folder)

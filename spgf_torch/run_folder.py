@@ -59,8 +59,8 @@ def _look(config: DictConfig, key: str) -> None:
 
 
 @contextmanager
-def claimed(content: str) -> Iterator[Path]:
-    """The run's folder, with `content` in its `config.yaml`.
+def claimed() -> Iterator[Path]:
+    """The run's folder, with an empty `config.yaml` that says whose it is.
 
     What raises before anything else is written leaves no folder behind, as far as this call made it. Raises InputError
     for a folder in which there is something.
@@ -74,8 +74,7 @@ def claimed(content: str) -> Iterator[Path]:
     try:
         if {path.name for path in folder.iterdir()} - (ours - {SETTINGS}):
             raise InputError(f"{folder}: expected a new or an empty folder for the run, got one that is not empty")
-        with (folder / SETTINGS).open("x", encoding="utf-8") as file:
-            file.write(content)
+        (folder / SETTINGS).touch(exist_ok=False)
     except FileExistsError:
         raise InputError(f"{folder}: expected a folder of its own for the run, got another run's") from None
     try:
