@@ -10,12 +10,15 @@ from spgf_torch.config import InputError, find
 from spgf_torch.reading import existing
 
 
-def check_files(config: Any, *names: str) -> None:
+def check_files(config: Any, needed: str, *others: str) -> None:
     """InputError for the first file of these settings, one or a list each, that is missing, empty or a folder.
 
-    Settings that the config has not, that are null or that hold numbers are left to who reads them.
+    One at least must be `needed`; others that the config has not, that are null or hold numbers are left to who reads
+    them.
     """
-    for name in names:
+    if not list(_words(getattr(config, needed))):
+        raise InputError(f"{needed}: expected a file or a list of files ({needed}=FILE), got none")
+    for name in (needed, *others):
         for path in _words(getattr(config, name, None)):
             existing(find(path))
 
