@@ -75,7 +75,7 @@ def check_sdist(sdist: Path) -> None:
     """All that is tracked but the settings of CI, and nothing else; the tests are in it."""
     with tarfile.open(sdist) as archive:
         found = {str(PurePosixPath(*PurePosixPath(m.name).parts[1:])) for m in archive.getmembers() if m.isfile()}
-    expected = {name for name in tracked() if not name.startswith((".ci/", "outputs/"))}
+    expected = {name for name in tracked() if not name.startswith(".ci/")}
     same("sdist", found - {"PKG-INFO"}, expected)
 
 
