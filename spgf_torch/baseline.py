@@ -20,7 +20,7 @@ def run(config: BaselineConfig, folder: Path) -> None:
     """Train a network a fold on the samples of an export, judge novel objects; write results and networks."""
     check_network(config.network)
     check_folder("export", config.export, "the folder of a data set (python -m spgf_torch.export format=webdataset)")
-    check_folder("objects", config.objects, "a folder of objects")
+    check_folder("objects", config.objects, "a folder of meshes or descriptions")
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
 
     from spgf_torch.baselines.data import origin_of, read_data, usable_device

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 def run(config: EvaluateConfig, folder: Path) -> None:
     """Sense the meshes, rank candidate grasps, execute the best of each type; write the rates into `folder`."""
-    check_folder("objects", config.objects, "a folder of objects")
     if not config.held_out:
         check_model(config.model)
+    check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.affordance.model import check_device
     from spgf_torch.cache import Cache

@@ -15,7 +15,7 @@ def run(config: ExportConfig, folder: Path) -> None:
     """Write the wanted formats into `out` (default: `dataset` in the run's folder), all of them or nothing."""
     formats = wanted_formats(config.format)
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
-    check_folder("objects", config.objects, "a folder of objects")
+    check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.datasets.folder import check_out, replacing
     from spgf_torch.datasets.source import read_trial_set

@@ -27,7 +27,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
 
     Raises IncompleteError where an object could not be finished; its manifest says why.
     """
-    check_folder("objects", config.objects, "a folder of objects")
+    check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.objects.folders import read_objects
     from spgf_torch.trials.attempts import Trials

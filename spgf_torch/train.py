@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def run(config: TrainConfig, folder: Path) -> None:
     """Describe the objects, cross-validate, learn on all of them; write results and the model into `folder`."""
-    check_folder("objects", config.objects, "a folder of objects")
+    check_folder("objects", config.objects, "a folder of meshes or descriptions")
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
 
     from spgf_torch.affordance.model import check_device, save_model

@@ -68,7 +68,6 @@ except SystemExit as left:
         ("predict", ["input=[empty,empty]"]),
         ("predict", ["input=model.json", "mask=missing.png"]),
         ("predict", ["input=model.json", "model=missing"]),
-        ("evaluate", ["objects=missing"]),
         ("evaluate", ["objects=.", "model=missing"]),
         ("train", ["objects=missing"]),
         ("train", ["trials=missing"]),
