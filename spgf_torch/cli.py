@@ -26,10 +26,11 @@ from spgf_torch.config import IncompleteError, InputError, one_line, root, typed
 from spgf_torch.multirun import Multirun
 from spgf_torch.reading import reason
 from spgf_torch.run_folder import SETTINGS, claimed, moved, point_latest
-from spgf_torch.terminal import Ended, ended_by_signals, patient
+from spgf_torch.terminal import Ended, UnheardError, ended_by_signals, patient
 
 T = TypeVar("T")
 
+NO_MEMORY = "expected more memory than this machine or the process' limit (ulimit -v) allows"
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
@@ -45,8 +46,8 @@ def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
     try:
         with patient(), ended_by_signals():
             _enter(command, kind, run)
-    except OSError as error:  # of stdout
-        print(f"{command}: stdout: expected room to write, got {error.strerror}; results are kept", file=sys.stderr)
+    except UnheardError as error:
+        print(f"{command}: stdout: expected room to write, got {error}; results are kept", file=sys.stderr)
         sys.exit(1)
 
 
@@ -67,13 +68,18 @@ def _enter(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
         if not started:  # Hydra makes the run's folder
             place = error.filename or "working folder"
             fail(command, InputError(f"{place}: expected a folder for the run, got {error.strerror}"))
-        if error.errno not in FULL:
+        if error.filename is None and error.errno not in FULL:
             raise
         status = _told(f"{command}: {error.filename or Path('outputs').absolute()}: {error.strerror}", 1)
+    except MemoryError:
+        status = _told(f"{command}: {NO_MEMORY}", 1)
     except RuntimeError as error:
-        if "srun" not in str(error):
+        if "can't allocate memory" in str(error):  # torch's own words
+            status = _told(f"{command}: {NO_MEMORY}", 1)
+        elif "srun" in str(error):
+            fail(command, error)  # submitit's own words where there is no Slurm
+        else:
             raise
-        fail(command, error)  # submitit's own words where there is no Slurm
     except Ended as error:
         status = _told(f"{command}: ended by {error}", 128 + error.number)
     except KeyboardInterrupt:

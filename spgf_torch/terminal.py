@@ -36,6 +36,10 @@ class Ended(KeyboardInterrupt):
         self.number = number
 
 
+class UnheardError(Exception):
+    """Standard output took no more, in the system's words."""
+
+
 class Plain(Console):
     """A console without markup, emoji and highlighting, whose reader may leave."""
 
@@ -77,7 +81,7 @@ class _Writer(io.FileIO):
 def patient() -> Iterator[None]:
     """`sys.stdout` and `sys.stderr` that outlive their readers, and escape what their alphabet lacks.
 
-    Raises OSError at the end, without a name, where stdout took no more for another reason than that nobody reads it.
+    Raises `UnheardError` at the end where stdout took no more for another reason than that nobody reads it.
     Streams that somebody has put in the place of Python's own stay.
     """
     before = sys.stdout, sys.stderr
@@ -93,7 +97,7 @@ def patient() -> Iterator[None]:
         sys.stdout, sys.stderr = before
     lost = getattr(getattr(getattr(out, "buffer", None), "raw", None), "lost", None)
     if lost is not None and lost.errno not in UNREAD:
-        raise lost
+        raise UnheardError(lost.strerror)
 
 
 def _own(stream: TextIO | None, number: int, python_s: TextIO | None) -> TextIO | None:
