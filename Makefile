@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
-.PHONY: train test check bench fuzz trials clean
+.PHONY: train test check bench fuzz trials wheel clean
 train: $(READY)
 	$(BIN)/python -m spgf_torch.train +K=20
 
@@ -27,6 +27,10 @@ $(READY): pyproject.toml
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $(READY)
+
+# Wheel and sdist: what they hold, and the wheel alone in a new environment (tests/packaging).
+wheel: $(READY)
+	$(BIN)/python tests/packaging/wheel.py
 
 clean:
 	rm -rf $(VENV)

@@ -6,6 +6,7 @@ After Thomsen, Kraft, Krueger: A Semi-local Surface Feature for Learning Success
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,17 @@ __version__ = "0.1.0"
 # core; these take effect only before torch is imported, and only where the user has not set them.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
+
+
+def _alone() -> None:
+    """In a forked process, which has no threads but one: torch would wait for OpenMP's, which are gone, for ever."""
+    torch = sys.modules.get("torch")
+    if torch is not None and hasattr(torch, "set_num_threads"):
+        torch.set_num_threads(1)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_alone)
 
 
 def load(folder: str | Path, device: str = "cpu") -> Predictor:

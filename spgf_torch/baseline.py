@@ -10,6 +10,7 @@ from typing import Any
 from spgf_torch.baselines.config import BaselineConfig, check_network
 from spgf_torch.cli import door
 from spgf_torch.config import NESTED
+from spgf_torch.given import check_folder
 from spgf_torch.progress import Stages, console, show
 
 NO_PROTOTYPES = 0  # the K of a network
@@ -18,6 +19,9 @@ NO_PROTOTYPES = 0  # the K of a network
 def run(config: BaselineConfig, folder: Path) -> None:
     """Train a network a fold on the samples of an export, judge novel objects; write results and networks."""
     check_network(config.network)
+    check_folder("export", config.export, "the folder of a data set (python -m spgf_torch.export format=webdataset)")
+    check_folder("objects", config.objects, "a folder of meshes or descriptions")
+    check_folder("trials", config.trials, "the trial tables that simulate leaves")
 
     from spgf_torch.baselines.data import origin_of, read_data, usable_device
     from spgf_torch.baselines.work import claimed, hand_over

@@ -39,7 +39,7 @@ ROOM = 0.9  # of the limit is left after removing entries, so that not every new
 ABANDONED = 3600  # s; a part this old belongs to nobody any more
 
 PACKAGE = Path(__file__).parent
-LIBRARIES = ("torch", "numpy", "scipy", "trimesh", "embreex", "roma", "lightning")
+LIBRARIES = ("torch", "numpy", "scipy", "trimesh", "embreex", "lightning")
 # They compute nothing: the values of settings are part of a key themselves.
 NO_PROGRAM = ("spgf_torch.config", "spgf_torch.progress", "spgf_torch.cache")
 

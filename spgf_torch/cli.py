@@ -5,13 +5,13 @@ from __future__ import annotations
 import errno
 import os
 import re
-import shutil
 import sys
 from collections.abc import Callable
-from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
+import yaml
 from hydra import main as hydra_main
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
@@ -20,13 +20,17 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from spgf_torch.config import IncompleteError, InputError, one_line, plain, root, typed
+from spgf_torch import __version__
+from spgf_torch.command_line import ALIASES, PATHS, translated
+from spgf_torch.config import IncompleteError, InputError, one_line, root, typed
 from spgf_torch.multirun import Multirun
-from spgf_torch.progress import console
 from spgf_torch.reading import reason
+from spgf_torch.run_folder import SETTINGS, claimed, moved, point_latest
+from spgf_torch.terminal import Ended, UnheardError, ended_by_signals, patient
 
 T = TypeVar("T")
 
+NO_MEMORY = "expected more memory than this machine or the process' limit (ulimit -v) allows"
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
@@ -35,16 +39,70 @@ def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
 
     `folder` is a fresh `outputs/<command>/<date-time>_<what varies>/`; `outputs/<command>/latest` points at it once
     `run` has returned. With -m there is one folder a job, and a summary at the end; what a job is refused does not
-    stop the others. Exit status: 0 done, 1 not done to the end (one line, what is finished is kept), 2 unusable input
-    (one line, no folder left), 130 interrupted.
+    stop the others. Exit status: 0 done, whether or not somebody reads what is said (`| head`); 1 not done to the end,
+    or stdout has no room (one line, what is finished is kept); 2 unusable input (one line, no folder left); 128 and
+    the signal's number if interrupted: 130, 143 or 129.
     """
+    try:
+        with patient(), ended_by_signals():
+            _enter(command, kind, run)
+    except UnheardError as error:
+        print(f"{command}: stdout: expected room to write, got {error}; results are kept", file=sys.stderr)
+        sys.exit(1)
+
+
+def _enter(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
+    """Translate the arguments, let Hydra compose, do the work, and leave with the status of how it ended."""
+    started: list[str] = []
+    try:
+        status = _work(command, kind, run, started)
+    except (InputError, HydraException, OmegaConfBaseException, YAMLError) as error:
+        fail(command, error)
+    except IncompleteError as error:
+        status = _told(f"{command}: {error}", 1)
+    except (ValueError, RecursionError) as error:  # what Hydra's parser lets through
+        if started:
+            raise
+        fail(command, InputError(f"{' '.join(sys.argv[1:])[:80]}: expected key=value, got {reason(error)}"))
+    except OSError as error:
+        if not started:  # Hydra makes the run's folder
+            place = error.filename or "working folder"
+            fail(command, InputError(f"{place}: expected a folder for the run, got {error.strerror}"))
+        if error.filename is None and error.errno not in FULL:
+            raise
+        status = _told(f"{command}: {error.filename or Path('outputs').absolute()}: {error.strerror}", 1)
+    except MemoryError:
+        status = _told(f"{command}: {NO_MEMORY}", 1)
+    except RuntimeError as error:
+        if "can't allocate memory" in str(error):  # torch's own words
+            status = _told(f"{command}: {NO_MEMORY}", 1)
+        elif "srun" in str(error):
+            fail(command, error)  # submitit's own words where there is no Slurm
+        else:
+            raise
+    except Ended as error:
+        status = _told(f"{command}: ended by {error}", 128 + error.number)
+    except KeyboardInterrupt:
+        status = _told(f"{command}: interrupted", 130)
+    if status:
+        sys.exit(status)
+
+
+def _told(line: str, status: int) -> int:
+    print(one_line(line), file=sys.stderr)
+    return status
+
+
+def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: list[str]) -> int:
+    """One run, or the jobs of a sweep: the exit status. `started` is told when the first begins."""
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # let errors reach us: Hydra's own report spans many lines
     OmegaConf.register_new_resolver("slug", slug, replace=True)
-    sys.argv[1:] = sorted(map(with_paths_quoted, sys.argv[1:]), key=_is_override)  # argparse wants all together
+    if "--version" in sys.argv[1:]:
+        print(f"spgf_torch {__version__}")
+        return 0
+    sys.argv[1:] = translated(command, kind, sys.argv[1:])
     refused: list[InputError | IncompleteError] = []
     multirun = Multirun.of(command)
-
-    started = []
 
     def task(composed: DictConfig) -> None:
         started.append(command)
@@ -54,55 +112,27 @@ def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
         try:
             _in_run_folder(composed, kind, run)
         except (InputError, IncompleteError) as error:
-            refused.append(error)  # told below, without Hydra's extra line
+            refused.append(error)  # told later, without Hydra's extra line
 
     try:
-        try:
-            hydra_main(version_base="1.3", config_path=str(root() / "conf"), config_name=command)(task)()
-        finally:
-            status = multirun.summary()
-        for error in refused:
-            raise error
-    except (InputError, HydraException, OmegaConfBaseException, YAMLError) as error:
-        fail(command, error)
-    except IncompleteError as error:
-        print(f"{command}: {error}", file=sys.stderr)
-        sys.exit(1)
-    except BrokenPipeError:  # `... | head` has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)
-    except (ValueError, RecursionError) as error:  # what Hydra's parser lets through: `=3`, hundreds of brackets
-        if started:
-            raise
-        fail(command, InputError(f"{' '.join(sys.argv[1:])[:80]}: expected key=value, got {reason(error)}"))
-    except OSError as error:
-        if not started and error.filename:  # Hydra makes the run's folder
-            fail(command, InputError(f"{error.filename}: expected a folder for the run, got {error.strerror}"))
-        if error.errno not in FULL:
-            raise
-        print(f"{command}: {error.filename or Path('outputs').absolute()}: {error.strerror}", file=sys.stderr)
-        sys.exit(1)
-    except RuntimeError as error:
-        if "srun" not in str(error):
-            raise
-        fail(command, error)  # submitit's own words where there is no Slurm
-    except KeyboardInterrupt:
-        console.print(f"{command}: interrupted")
-        sys.exit(130)
-    if status:
-        sys.exit(status)
+        hydra_main(version_base="1.3", config_path=str(root() / "conf"), config_name=command)(task)()
+    finally:
+        status = multirun.summary()
+    for error in refused:
+        raise error
+    return status
 
 
-def fail(command: str, error: Exception) -> None:
+def fail(command: str, error: Exception) -> NoReturn:
     """Say what is wrong with the input in one line and leave with status 2."""
     lines = [line.strip() for line in str(error).splitlines()]
-    told = re.search(r"Could not override '([^']+)'", str(error))
-    if told:
-        lines = [f"{told[1]}: expected a setting of {command} (see --help), got an unknown key"]
     if "hydra/launcher/" in str(error):
         lines.append("(joblib, slurm and submitit_local: pip install 'spgf-torch[sweep]')")
     words = [line for line in lines if line and not line.startswith(("full_key:", "object_type=", "reference_type"))]
-    print(f"{command}: {one_line(' '.join(words))}", file=sys.stderr)
+    line = one_line(" ".join(words))
+    for alias, name in ALIASES.items():  # as it was given
+        line = re.sub(rf"^{name}(?=: )", alias, line)
+    print(f"{command}: {line}", file=sys.stderr)
     sys.exit(2)
 
 
@@ -112,37 +142,37 @@ def slug(overrides: str) -> str:
     return ("_" + kept.lstrip("+-.")[:80]) if kept else ""
 
 
-def with_paths_quoted(argument: str) -> str:
-    """`model=outputs/train/..._K=20` with quotes around the path, if it is one: Hydra reads only one `=`."""
-    key, _, value = argument.partition("=")
-    try:
-        return f"{key}='{value}'" if "=" in value and Path(value).exists() else argument
-    except OSError:  # longer than a path may be
-        return argument
-
-
-def _is_override(argument: str) -> bool:
-    return "=" in argument and not argument.startswith("-")
-
-
 def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path], None]) -> Path:
-    folder = Path(HydraConfig.get().runtime.output_dir)
-    try:
-        config = typed(kind, _own_keys_first(_without_missing_k(composed)))
-        (folder / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.create(plain(config))))
-        run(config, folder)
-    except IncompleteError:
-        with suppress(OSError):  # the disk may be full
-            point_latest(folder)
-        raise
-    except BaseException as error:
-        if {path.name for path in folder.iterdir()} <= {"config.yaml"}:  # nothing done yet that would be lost
-            shutil.rmtree(folder)
-        if isinstance(error, OSError) and error.errno in FULL:
-            raise IncompleteError(f"{error.filename or folder}: {error.strerror}") from error
-        raise
-    point_latest(folder)
+    with claimed() as folder:
+        config: Any = _config(kind, composed)
+        try:
+            settings = yaml.safe_dump(asdict(config), sort_keys=False, allow_unicode=True, width=float("inf"))
+            (folder / SETTINGS).write_text(settings, encoding="utf-8")
+            run(config, folder)
+        except IncompleteError:
+            _point(folder)
+            raise
+        except OSError as error:
+            if error.errno in FULL:
+                raise IncompleteError(f"{error.filename or folder}: {error.strerror}") from error
+            raise
+    _point(folder)
     return folder
+
+
+def _point(folder: Path) -> None:
+    if not moved():
+        point_latest(folder)
+
+
+def _config(kind: type[T], composed: DictConfig) -> T:
+    """The settings, checked. A path may have `${` in its name, which nothing else may."""
+    values = _own_keys_first(_without_missing_k(composed))
+    literal = {key: values[key] for key in PATHS & values.keys() if "${" in str(values[key])}
+    config = typed(kind, {**values, **dict.fromkeys(literal, "literal")})
+    for key, value in literal.items():
+        setattr(config, key, value)
+    return config
 
 
 def _without_missing_k(composed: DictConfig) -> dict[str, Any]:
@@ -156,11 +186,3 @@ def _without_missing_k(composed: DictConfig) -> dict[str, Any]:
 def _own_keys_first(values: dict[str, Any]) -> dict[str, Any]:
     """The same with the door's own keys before its rooms', which take some of them: an error names what was given."""
     return dict(sorted(values.items(), key=lambda entry: isinstance(entry[1], dict)))
-
-
-def point_latest(folder: Path) -> None:
-    """Point `latest` beside `folder` at it, in one step."""
-    link = folder.parent / f".latest-{os.getpid()}"
-    link.unlink(missing_ok=True)
-    link.symlink_to(folder.name)
-    link.replace(folder.parent / "latest")

@@ -15,7 +15,7 @@ def run(config: CompareConfig, folder: Path) -> None:
     from spgf_torch.reporting.runs import load_runs
 
     def tell(line: str) -> None:
-        console.print(f"compare: {line}", markup=False)
+        console.print(f"compare: {line}")
 
     rows = find_rows(load_runs(config.runs, tell), config, tell)
     references = rows[config.reference]

@@ -2,14 +2,15 @@
 
 A kernel works on the memory of torch tensors (`tensor.numpy()`), in the calling thread and without the interpreter's
 lock, so that `threads.in_parts` can run several. It is compiled at its first call, which takes seconds, and kept
-beside its module or in the user's cache (numba's `NUMBA_CACHE_DIR`); where neither can be written, it is compiled in
-every process. Arithmetic keeps its order: the same in every run.
+beside its module or in the user's cache (numba's `NUMBA_CACHE_DIR`); where neither can be written, or the disk is full,
+it is compiled in every process. Arithmetic keeps its order: the same in every run.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar, cast
+from contextlib import suppress
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -19,6 +20,26 @@ F = TypeVar("F", bound=Callable[..., object])
 def compiled(function: F) -> F:
     """The function, compiled in numba's nopython mode."""
     try:
-        return cast(F, numba.njit(nogil=True, error_model="numpy", cache=True)(function))
-    except RuntimeError:  # no place to keep it
+        kernel = numba.njit(nogil=True, error_model="numpy", cache=True)(function)
+    except (RuntimeError, OSError):  # no place to keep it
         return cast(F, numba.njit(nogil=True, error_model="numpy")(function))
+    _may_fail(kernel)
+    return cast(F, kernel)
+
+
+def _may_fail(kernel: Any) -> None:
+    """Keeping the kernel's code is no condition for using it: a full disk, or what another program left there."""
+    kept = kernel._cache
+    save, load = kept.save_overload, kept.load_overload
+
+    def save_if_possible(*arguments: Any) -> None:
+        with suppress(OSError):
+            save(*arguments)
+
+    def load_if_possible(*arguments: Any) -> Any:
+        try:
+            return load(*arguments)
+        except (OSError, EOFError):  # cut off
+            return None
+
+    kept.save_overload, kept.load_overload = save_if_possible, load_if_possible

@@ -7,24 +7,28 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import torch
-from torch import Tensor
-
 from spgf_torch.cli import door
-from spgf_torch.config import EvaluateConfig, InputError, find
-from spgf_torch.evaluation.executed import ObjectOutcome
-from spgf_torch.experiment.describe import Grasps
-from spgf_torch.experiment.execution import Executed
-from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.config import EvaluateConfig, find
+from spgf_torch.given import check_folder, check_model
 from spgf_torch.progress import Stages
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from spgf_torch.affordance.model import GraspModel
+    from spgf_torch.evaluation.executed import ObjectOutcome
+    from spgf_torch.experiment.describe import Grasps
+    from spgf_torch.experiment.execution import Executed
     from spgf_torch.experiment.restored import Restored
+    from spgf_torch.objects.grasp_object import GraspObject
 
 
 def run(config: EvaluateConfig, folder: Path) -> None:
     """Sense the meshes, rank candidate grasps, execute the best of each type; write the rates into `folder`."""
+    if not config.held_out:
+        check_model(config.model)
+    check_folder("objects", config.objects, "a folder of meshes or descriptions")
+
     from spgf_torch.affordance.model import check_device
     from spgf_torch.cache import Cache
     from spgf_torch.evaluation.executed import executed_results
@@ -38,8 +42,6 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.trials.runner import Trials
 
     check_device(config.device)
-    if not find(config.objects).is_dir():
-        raise InputError(f"objects: expected a folder of objects, got {config.objects}")
     stages = Stages()
     meets = models(config)
     found = read_objects(config, Stages(), Cache.open(config.cache, config.cache_gb))
@@ -112,6 +114,7 @@ def proposed(
     restored: Sequence[Restored], objects: Sequence[GraspObject], config: EvaluateConfig, stages: Stages
 ) -> tuple[list[Grasps], list[Tensor]]:
     """Grasps proposed for what is sensed of the objects, no mesh used, and their scores; random candidates beside."""
+    from spgf_torch.experiment.describe import Grasps
     from spgf_torch.experiment.execution import candidate_grasps, with_random
     from spgf_torch.sensing.sense import sense
 
@@ -129,6 +132,10 @@ def proposed(
 
 def outcomes_of(objects: Sequence[GraspObject], executed: Sequence[Executed], seconds: float) -> list[ObjectOutcome]:
     """Rates of each object; `seconds` of prediction an object."""
+    import torch
+
+    from spgf_torch.evaluation.executed import ObjectOutcome
+
     outcomes = []
     for obj, ran in zip(objects, executed, strict=True):
         random = {kind: ran.rate(chosen) for kind, chosen in ran.random.items()}

@@ -7,12 +7,15 @@ from pathlib import Path
 from spgf_torch.cli import door
 from spgf_torch.config import find
 from spgf_torch.datasets.config import ExportConfig, wanted_formats
+from spgf_torch.given import check_folder
 from spgf_torch.progress import Stages, show
 
 
 def run(config: ExportConfig, folder: Path) -> None:
     """Write the wanted formats into `out` (default: `dataset` in the run's folder), all of them or nothing."""
     formats = wanted_formats(config.format)
+    check_folder("trials", config.trials, "the trial tables that simulate leaves")
+    check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.datasets.folder import check_out, replacing
     from spgf_torch.datasets.source import read_trial_set

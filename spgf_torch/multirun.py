@@ -15,7 +15,6 @@ from uuid import uuid4
 from hydra.core.hydra_config import HydraConfig
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
-from rich.markup import escape
 
 from spgf_torch.config import IncompleteError, InputError
 from spgf_torch.progress import console, show, take_turns
@@ -47,7 +46,7 @@ class Multirun:
         if os.getpid() != self.process:
             take_turns(f"{number}: ")
             _keep_to_own_cores(hydra.launcher)
-        console.print(f"job {number}: {' '.join(overrides)}", markup=False)
+        console.print(f"job {number}: {' '.join(overrides)}")
         note: dict[str, Any] = {"job": number, "overrides": overrides}
         try:
             note["folder"] = str(run())
@@ -65,7 +64,7 @@ class Multirun:
         notes = [json.loads(path.read_text()) for path in self.notes.glob("*.json")]
         shutil.rmtree(self.notes, ignore_errors=True)
         for line in lines(sorted(notes, key=lambda note: note["job"])):
-            show(escape(line))
+            show(line)
         return 2 if any("refused" in note for note in notes) else int(any("incomplete" in note for note in notes))
 
 
@@ -107,4 +106,4 @@ class Announce(Callback):
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         folder = config.hydra.launcher.get("submitit_folder")
         if folder:
-            console.print(f"jobs run elsewhere; what they say is in {folder} (%j: number of the job)", markup=False)
+            console.print(f"jobs run elsewhere; what they say is in {folder} (%j: number of the job)")

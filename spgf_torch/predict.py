@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from spgf_torch.cli import door
 from spgf_torch.config import GRASP_TYPES, PredictConfig, SensingConfig, find, typed
+from spgf_torch.given import check_files, check_model
 from spgf_torch.progress import Stages, show
 
 if TYPE_CHECKING:
@@ -24,6 +25,9 @@ def by_type(grasps: Sequence[Grasp]) -> str:
 
 def run(config: PredictConfig, folder: Path) -> None:
     """Read the scene, propose grasps, write them into `folder` in every format, with a page and a picture."""
+    check_files(config, "input", "intrinsics", "poses", "mask", "segments")
+    check_model(config.model)
+
     import numpy as np
 
     from spgf_torch.affordance.model import check_device, model_settings

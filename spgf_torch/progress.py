@@ -7,15 +7,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from spgf_torch.terminal import Plain
 
 # Seconds between lines where there is no terminal to draw a bar in.
 EVERY = 20.0
 # Columns of tables where there is no terminal.
 WIDTH = 120
 
-console = Console(stderr=True, highlight=False, soft_wrap=True)
+console = Plain(stderr=True, soft_wrap=True)
 
 # What stands before every line of progress where several processes write to one terminal.
 _label = ""
@@ -76,8 +77,8 @@ class Stages:
 
 
 def show(content: Any) -> None:
-    """Print a table or a line on stdout; where that is no terminal, tables get the width they need."""
-    out = Console(highlight=False, soft_wrap=isinstance(content, str))
+    """Print a table or a line, as it is, on stdout; where that is no terminal, tables get the width they need."""
+    out = Plain(soft_wrap=isinstance(content, str))
     if not out.is_terminal:
         out.width = WIDTH
     out.print(content)

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from omegaconf import OmegaConf
-from rich.markup import escape
 
 from spgf_torch.cli import door
 from spgf_torch.config import IncompleteError, InputError, SimulateConfig, plain
+from spgf_torch.given import check_folder
 from spgf_torch.progress import Stages, show
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ def run(config: SimulateConfig, folder: Path) -> None:
 
     Raises IncompleteError where an object could not be finished; its manifest says why.
     """
+    check_folder("objects", config.objects, "a folder of meshes or descriptions")
+
     from spgf_torch.objects.folders import read_objects
     from spgf_torch.trials.attempts import Trials
     from spgf_torch.trials.campaign import Campaign, Plan, finished
@@ -116,7 +118,7 @@ def _tell(journal: Journal, objects: Sequence[GraspObject]) -> None:
     stood_for = sum(len(entry.get("failures", [])) for entry in entries.values() if entry.get("state") == "done")
     told = [*journal.left_out, *failed, *journal.incidents]
     for line in told[:SHOWN]:
-        console.print(escape(line))
+        console.print(line)
     if len(told) > SHOWN:
         console.print(f"and {len(told) - SHOWN} more")
     if told or stood_for:

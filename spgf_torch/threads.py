@@ -3,7 +3,8 @@
 torch splits single operations of microseconds among its threads, and each operation waits for the last of them: where
 another process holds a core, all wait for it, thousands of times. Here whole parts of some milliseconds go to threads
 in which torch uses one thread each. How many: as many as torch may use, which OMP_NUM_THREADS or
-`torch.set_num_threads` change; 1 leaves the work in the calling thread. Results do not depend on it.
+`torch.set_num_threads` change; 1 leaves the work in the calling thread. Results do not depend on it. A forked process
+goes on with one thread (`spgf_torch/__init__.py`); for more, start processes with `spawn`.
 """
 
 from __future__ import annotations

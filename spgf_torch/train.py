@@ -7,19 +7,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from spgf_torch.cli import door
 from spgf_torch.config import InputError, TrainConfig
-from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.given import check_folder
 from spgf_torch.progress import Stages, show
 
 if TYPE_CHECKING:
     from spgf_torch.experiment.experiment import Design
+    from spgf_torch.objects.grasp_object import GraspObject
 
 
 def run(config: TrainConfig, folder: Path) -> None:
     """Describe the objects, cross-validate, learn on all of them; write results and the model into `folder`."""
+    check_folder("objects", config.objects, "a folder of meshes or descriptions")
+    check_folder("trials", config.trials, "the trial tables that simulate leaves")
+
     from spgf_torch.affordance.model import check_device, save_model
     from spgf_torch.cache import Cache
     from spgf_torch.evaluation.card import model_card
@@ -73,6 +75,8 @@ def run(config: TrainConfig, folder: Path) -> None:
 
 def _design(objects: Sequence[GraspObject], config: TrainConfig) -> Design:
     """Folds and order of the objects; InputError where a fold would leave fewer than two to learn from."""
+    import numpy as np
+
     from spgf_torch.evaluation.folds import stratified_folds, stratified_order
     from spgf_torch.experiment.experiment import Design
 

@@ -8,7 +8,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from spgf_torch import config
-from spgf_torch.cli import slug, with_paths_quoted
+from spgf_torch.cli import slug
 from spgf_torch.config import EvaluateConfig, InputError, SimulateConfig, TrainConfig, plain, settings, typed
 
 CONF = Path(__file__).parents[1] / "conf"
@@ -74,10 +74,3 @@ def test_slug_is_a_folder_name() -> None:
     assert slug("") == ""
     assert slug("+K=20,features.radius=0.02") == "_K=20,features.radius=0.02"
     assert "/" not in slug("x=../a b")
-
-
-def test_paths_with_an_equals_sign_are_quoted_for_hydra(tmp_path) -> None:
-    (tmp_path / "run_K=20").mkdir()
-    assert with_paths_quoted(f"model={tmp_path}/run_K=20") == f"model='{tmp_path}/run_K=20'"
-    for other in ("K=20", f"model={tmp_path}", f"model={tmp_path}/other_K=5", "-m", "seed=1,2"):
-        assert with_paths_quoted(other) == other

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from scipy.optimize import minimize
 from torch import Tensor
 
 from spgf_torch.config import GRASP_TYPES
@@ -56,6 +55,8 @@ def _terms(score: Tensor, collides: Tensor) -> Tensor:
 
 def _logistic(terms: np.ndarray, held: np.ndarray) -> np.ndarray:
     """Weights (T,) that minimise the negative log-likelihood plus the prior: convex, one minimum."""
+    from scipy.optimize import minimize  # half a second, which asking a model does not need
+
     sign = np.where(held, 1.0, -1.0)
 
     def loss(weights: np.ndarray) -> tuple[float, np.ndarray]:

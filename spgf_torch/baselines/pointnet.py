@@ -10,13 +10,13 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-import roma
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits, one_hot
 
 from spgf_torch.baselines.config import AugmentConfig, NetworkConfig
 from spgf_torch.config import GRASP_TYPES
+from spgf_torch.geometry.se3 import rotation_about
 
 CHUNK = 512  # clouds judged at once: the activations of a layer stay below 100 MB
 
@@ -97,7 +97,7 @@ def augmented(cloud: Tensor, config: AugmentConfig, generator: torch.Generator) 
         sign = 1 - 2 * (torch.rand(B, 1, generator=generator, device=cloud.device) < 0.5).to(cloud.dtype)
         moved = torch.cat([moved[..., :1] * sign[:, None], moved[..., 1:]], dim=2)
     if config.rotation_deg:
-        moved = moved @ roma.rotvec_to_rotmat(math.radians(config.rotation_deg) * noise(B, 3))
+        moved = moved @ rotation_about(math.radians(config.rotation_deg) * noise(B, 3))
     return moved + config.shift * noise(B, 1, 3) + config.jitter * noise(*moved.shape)
 
 

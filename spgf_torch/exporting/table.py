@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich import box
-from rich.markup import escape
 from rich.table import Table
 
 from spgf_torch.exporting.records import Grasp
@@ -33,7 +32,7 @@ def grasp_table(grasps: Sequence[Grasp], names: Sequence[str] | None = None) -> 
             str(grasp.support),
             " ".join(f"{1000 * value:4.0f}" for value in grasp.T_input_tcp[:3, 3]),
             direction(grasp),
-            escape(voters(grasp, names)),
+            voters(grasp, names),
         )
     return table
 

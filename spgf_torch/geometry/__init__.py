@@ -3,7 +3,7 @@
 Units. Metres, kilograms, seconds, radians. Degrees appear only in settings (names ending in `_deg`) and in
 text for people. Tensors are float32 in storage; reference code in the tests runs in float64.
 
-Rotations. Quaternions are wxyz with w >= 0 (roma is xyzw: `se3` converts at its border).
+Rotations. Quaternions are wxyz with w >= 0.
 
 Poses. 4x4 matrices on column vectors: `p_a = T_a_b @ p_b`, and `T_a_c = T_a_b @ T_b_c`. The name carries the
 frames. Leading batch dimensions are free.

@@ -31,7 +31,7 @@ class Notes:
 
     def __call__(self, line: str) -> None:
         self.lines.append(line)
-        console.print(f"report: {line}", markup=False)
+        console.print(f"report: {line}")
 
 
 # What the report needs of a run's settings; the learned baseline's have no features.

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from scipy.optimize import brentq
 from scipy.spatial import QhullError
 
 from spgf_torch.config import GRASP_TYPES, FingerConfig, HandConfig, InputError, find, plain, typed
@@ -171,6 +170,8 @@ class Kinematics:
         low, high = sorted(self.opening(value) for value in self.limits)
         if not low <= opening <= high:
             raise InputError(f"hand.openings: expected {max(low, 0):.3f} to {high:.3f} m, got {opening}")
+        from scipy.optimize import brentq  # half a second to import
+
         joints = self.joints(float(brentq(lambda value: self.opening(value) - opening, *self.limits, xtol=1e-12)))
         links = self.links(joints)
         T_base_tcp = self._tcp(links)

@@ -253,7 +253,7 @@ def test_held_out_objects_meet_models_that_have_not_seen_them(small: Path, monke
         (["objects=empty"], ["empty", "mesh"]),
         (["objects=large"], ["block.ply", "unit=mm"]),
         (["objects=empty", "model=nowhere"], ["nowhere/model.json"]),
-        (["objects=empty", "hand.closing_torque=1"], ["hand"]),
+        (["hand.closing_torque=1"], ["hand"]),
     ],
 )
 def test_evaluate_refuses_bad_input(

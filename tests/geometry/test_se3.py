@@ -2,8 +2,10 @@
 
 import math
 
+import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from spgf_torch.geometry import se3
 
@@ -70,3 +72,27 @@ def test_random_poses_follow_the_generator():
     first, second = (se3.random_poses(5, torch.Generator().manual_seed(0)) for _ in range(2))
     assert torch.equal(first, second)
     assert torch.equal(se3.random_poses(0), torch.empty((0, 4, 4)))
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_rotations_are_those_of_scipy(dtype):
+    """Random quaternions, and half turns, where the scalar part says nothing."""
+    eps = 8 * torch.finfo(dtype).eps
+    wxyz = torch.randn((2000, 4), generator=torch.Generator().manual_seed(2), dtype=torch.float64)
+    wxyz[:500, 0] = 0
+    wxyz[:6] = torch.eye(4, dtype=torch.float64)[[0, 1, 2, 3, 1, 2]] + 1e-9
+    theirs = Rotation.from_quat(wxyz.roll(-1, dims=1).numpy())
+    T = se3.pose(torch.zeros(2000, 3, dtype=dtype), wxyz.to(dtype))
+    assert np.abs(se3.rotation_of(T).numpy() - theirs.as_matrix()).max() < eps
+    exact = torch.from_numpy(theirs.as_matrix()).to(dtype)
+    back = se3.quaternion_of(se3.from_rotation(exact, torch.zeros(2000, 3, dtype=dtype))).double().numpy()
+    along = np.abs((np.roll(back, -1, axis=1) * theirs.as_quat()).sum(axis=1))  # q and -q are one rotation
+    assert np.abs(along - 1).max() < eps and (back[:, 0] >= 0).all()
+
+
+def test_rotation_vectors_are_those_of_scipy():
+    vectors = torch.randn((1000, 3), generator=torch.Generator().manual_seed(3), dtype=torch.float64)
+    vectors[0], vectors[1:20] = 0, vectors[1:20] * 1e-8
+    theirs = Rotation.from_rotvec(vectors.numpy()).as_matrix()
+    assert np.abs(se3.rotation_about(vectors).numpy() - theirs).max() < 1e-14
+    assert torch.equal(se3.rotation_about(vectors.view(10, 100, 3)).view(1000, 3, 3), se3.rotation_about(vectors))

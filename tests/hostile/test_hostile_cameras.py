@@ -153,7 +153,7 @@ CASES += [Case(f"{f}: {n}", {**GOOD, "intrinsics": f}, w, (word,)) for f, n, w, 
 CASES += [Case(f"{f}: {n}", {**GOOD, "poses": f}, w, ("T" if word == "" else word,)) for f, n, w, word in POSES]
 CASES += [Case(f"mask {f}: {n}", {**GOOD, "mask": f}, w, (f, word)) for f, n, w, word in MASKS]
 CASES += [
-    Case("an image without intrinsics", {"input": "d.png"}, nothing, ("intrinsics",)),
+    Case("an image without intrinsics", {"input": GOOD["input"]}, nothing, ("intrinsics",)),
     Case("intrinsics that are not there", {**GOOD, "intrinsics": "none.txt"}, nothing, ("none.txt",)),
     Case("intrinsics that are a number", {**GOOD, "intrinsics": 5}, nothing, ("intrinsics",)),
     Case("two intrinsics", {**GOOD, "intrinsics": ["good.txt", "good.txt"]}, nothing, ("intrinsics",)),

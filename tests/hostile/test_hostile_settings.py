@@ -41,6 +41,7 @@ def test_one_line(
     monkeypatch.setattr(sys, "argv", [command, *overrides])
     module: Any = __import__(f"spgf_torch.{command}", fromlist=["run"])
     if command == "predict":
+        monkeypatch.setattr("spgf_torch.predict.check_model", lambda folder: None)
         monkeypatch.setattr("spgf_torch.affordance.model.model_settings", _known)
     before = tree()
     with pytest.raises(SystemExit) as left, bounded():
