@@ -243,7 +243,8 @@ def _thinned(
     points = np.concatenate([cloud.points for cloud in clouds])
     normals = np.concatenate([cloud.normals for cloud in clouds if cloud.normals is not None])
     label = np.concatenate([np.ones(len(c), np.int32) if c.labels is None else c.labels for c in clouds])
-    parts = {int(k): thin(points[label == k], normals[label == k], sensing, generator) for k in np.unique(label)}
+    numbers = np.unique(label).tolist() or [1]
+    parts = {k: thin(points[label == k], normals[label == k], sensing, generator) for k in numbers}
     if not any(map(len, parts.values())) and no_grasp is None:
         raise InputError(
             f"{clouds[0].name}: expected {sensing.min_members} points within {sensing.spacing:g} m somewhere, got "

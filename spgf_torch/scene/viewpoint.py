@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from spgf_torch.config import InputError, SceneConfig
 from spgf_torch.scene.cloud import Cloud
@@ -34,8 +35,14 @@ _BULGE = 0.35
 _CLEAR = 0.05
 # Two sides that turn more of the normals differently are two answers, if one is no clearer than the other by this.
 _DIFFERENT, _CLEARER = 0.1, 0.1
-# Optical frames look along z (or -z, OpenGL's): nearly all points lie within 60 deg of it.
-_WIDEST, _IN_VIEW = np.tan(np.deg2rad(60)), 0.99
+# Optical frames look along z (or -z, OpenGL's): nearly all points lie within 60 deg of it; within 45 deg of most.
+_WIDEST, _USUAL, _IN_VIEW = np.tan(np.deg2rad(60)), 1.0, 0.99
+# A camera's pixels are a grid: of its points as seen from its centre, nearly all have a neighbour as far as the others.
+_GRID, _EVEN = 0.8, 0.05
+# A shape that bulges towards a place below it is a bowl seen from above; cameras rarely look up.
+_LOOKS_UP = -0.1
+# Mean of n . u, below which normals turned to the origin speak against it: nothing but the frame speaks for it here.
+_HOLLOW = 0.25
 # A table tells the side where nearly all that is not on it lies on one side, and there is something.
 _ABOVE, _SOMETHING = 0.97, 0.01
 # Rows and columns of an image meet their rays' origin to this share of the distance, if it is one camera's image.
@@ -53,8 +60,9 @@ class Side:
 def with_viewpoint(cloud: Cloud, raw: Cloud, config: SceneConfig, notes: list[str]) -> Cloud:
     """The cloud with a viewpoint, if it has neither normals nor viewpoints; a line in `notes` says whence.
 
-    In this order: the origin of its pixels' rays; the origin of its frame, where that is an optical frame and nothing
-    speaks against it; the side of the things on a table; the side from which it is a bulge without hidden points.
+    In this order: where its pixels' rays meet; the origin, from where its points are a grid of pixels; the side of the
+    things on a table; the origin of its frame, where that is an optical frame and nothing speaks against it; the side
+    from which it is a bulge without hidden points.
 
     Args:
         cloud: m, thinned.
@@ -65,7 +73,7 @@ def with_viewpoint(cloud: Cloud, raw: Cloud, config: SceneConfig, notes: list[st
     """
     if cloud.normals is not None or cloud.viewpoints is not None:
         return cloud
-    side = _of_pixels(raw) or _of_frame_or_shape(cloud, config)
+    side = _of_pixels(raw) or _of_grid(raw) or _of_frame_or_shape(cloud, config)
     if side is None:
         raise InputError(
             f"{cloud.name}: expected normals or a viewpoint that tells their side, got neither, and its shape does not "
@@ -98,14 +106,36 @@ def check_side(cloud: Cloud, config: SceneConfig, notes: list[str]) -> None:
     )
 
 
+_ORIGIN = "taken for the origin, as in a camera's frame, which its points agree with"
+
+
+def _of_grid(cloud: Cloud) -> Side | None:
+    """The origin, where the points are a grid of pixels as seen from there."""
+    if len(cloud) < _PIXELS or not _optical(cloud.points, _WIDEST):
+        return None
+    image = cloud.points[:, :2] / cloud.points[:, 2:]
+    apart = cKDTree(image).query(image[: 4 * _POINTS], 2)[0][:, 1]
+    apart = apart[apart > 1e-9]  # points that were written twice
+    if not len(apart):
+        return None
+    even = np.abs(apart / np.median(apart) - 1) < _EVEN
+    return Side(np.zeros(3), _ORIGIN) if even.mean() >= _GRID else None
+
+
 def _of_frame_or_shape(cloud: Cloud, config: SceneConfig) -> Side | None:
     points, normals, pitch = _unsigned(cloud, config)
     if len(points) < 10:
         return None
-    plane, shape = _of_plane(points, config), _of_shape(points, normals, pitch)
-    if _optical(cloud.points) and not _contradicted(np.zeros(3), points, normals, pitch, plane or shape):
-        return Side(np.zeros(3), "taken for the origin, as in a camera's frame, which its points agree with")
-    return plane or shape
+    plane, optical = _of_plane(points, config), _optical(cloud.points, _USUAL)
+    origin = Side(np.zeros(3), _ORIGIN)
+    if plane is not None:
+        agrees = optical and not _contradicted(np.zeros(3), points, normals, pitch, plane)
+        return origin if agrees else plane
+    shape = _of_shape(points, normals, pitch)
+    if optical:  # whatever speaks against the origin then leaves it open
+        return None if _contradicted(np.zeros(3), points, normals, pitch, shape) else origin
+    looks_up = shape is not None and (shape.eye - points.mean(axis=0))[2] < _LOOKS_UP * _far_out(points)
+    return None if looks_up else shape
 
 
 def _unsigned(cloud: Cloud, config: SceneConfig) -> tuple[np.ndarray, np.ndarray, float]:
@@ -120,10 +150,14 @@ def _unsigned(cloud: Cloud, config: SceneConfig) -> tuple[np.ndarray, np.ndarray
     return cloud.points[chosen], normals[chosen], pitch
 
 
-def _optical(points: np.ndarray) -> bool:
-    """Whether the points lie as a camera at the origin sees them: before it along z, or along -z."""
+def _optical(points: np.ndarray, widest: float) -> bool:
+    """Whether the points lie as a camera at the origin sees them: before it along z, or along -z.
+
+    Args:
+        widest: tangent of the angle that they may be off it.
+    """
     z = np.abs(points[:, 2])
-    ahead = (np.abs(points[:, :2]).max(axis=1) <= _WIDEST * z) & (z > 0)
+    ahead = (np.abs(points[:, :2]).max(axis=1) <= widest * z) & (z > 0)
     share = max(float((ahead & (points[:, 2] > 0)).mean()), float((ahead & (points[:, 2] < 0)).mean()))
     return share >= _IN_VIEW
 
@@ -137,7 +171,7 @@ def _contradicted(eye: np.ndarray, points: np.ndarray, normals: np.ndarray, pitc
     if evident is not None:
         other = facing(points, normals, evident.eye[None], pitch)[0]
         return _differ(turned, other) > 0.5
-    return outwardness(points, turned) < INWARDS or hidden_share(hidden, pitch) > 2 * _DIFFERENT
+    return outwardness(points, turned) < _HOLLOW or hidden_share(hidden, pitch) > 2 * _DIFFERENT
 
 
 def _of_plane(points: np.ndarray, config: SceneConfig) -> Side | None:
@@ -168,8 +202,9 @@ def _of_shape(points: np.ndarray, normals: np.ndarray, pitch: float) -> Side | N
         return None
     found.sort(key=lambda one: -one[0])
     score, bulge, unseen, _, turned = found[0]
-    alike = [one for one in found if _differ(turned, one[4]) <= _DIFFERENT]
-    rival = max((one[0] for one in found if _differ(turned, one[4]) > _DIFFERENT), default=-np.inf)
+    differ = [_differ(turned, one[4], np.abs(normals @ one[3])) for one in found]
+    alike = [one for one, share in zip(found, differ, strict=True) if share <= _DIFFERENT]
+    rival = max((one[0] for one, share in zip(found, differ, strict=True) if share > _DIFFERENT), default=-np.inf)
     if bulge < _BULGE or unseen > _CLEAR or rival > score - _CLEARER:
         return None
     good = np.sum([one[3] for one in alike if one[0] > score - _CLEARER], axis=0)
@@ -215,9 +250,13 @@ def _of_pixels(cloud: Cloud) -> Side | None:
     return Side(eye, f"its pixels' rays meet at ({', '.join(f'{v:.3f}' for v in eye)}) m")
 
 
-def _differ(a: np.ndarray, b: np.ndarray) -> float:
-    """The share of normals (N, 3) that two ways of turning them turn differently."""
-    return float(((a * b).sum(axis=1) < 0).mean())
+def _differ(a: np.ndarray, b: np.ndarray, weight: np.ndarray | None = None) -> float:
+    """The share of normals (N, 3) that two ways of turning them turn differently.
+
+    Args:
+        weight: (N,), how head-on each is seen: the side of what is seen grazing is noise; None: all count alike.
+    """
+    return float(np.average((a * b).sum(axis=1) < 0, weights=weight))
 
 
 def _far_out(points: np.ndarray) -> float:
