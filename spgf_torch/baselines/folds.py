@@ -20,7 +20,7 @@ from spgf_torch.baselines.module import GraspJudge, Task
 from spgf_torch.baselines.pointnet import PointNet, judge
 from spgf_torch.baselines.samples import Samples
 from spgf_torch.config import GRASP_TYPES, NESTED, InputError
-from spgf_torch.evaluation.files import write_bytes
+from spgf_torch.writing import write_bytes
 from spgf_torch.evaluation.folds import stratified_order
 from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.success import top_n

@@ -101,7 +101,7 @@ def read_results(path: Path) -> dict[str, Any]:
     """The content of a `results.json` of `train`. Raises InputError where it is missing or not one."""
     if not path.is_file():
         raise InputError(f"{path}: expected the results of a run of train, got no such file")
-    content = json_values(path, "the results of a run of train (interrupted?) as JSON")
+    content = json_values(path, "the results of a run of train (interrupted?) as JSON", sealed=True)
     schema = content.get("schema") if isinstance(content, dict) else None
     if schema != SCHEMA or not set(CLASSES) & set(content.get("success_rate", {})):
         raise InputError(f"{path}: expected results of schema {SCHEMA}, got schema {schema}")

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from spgf_torch.config import InputError
-from spgf_torch.evaluation.files import write_bytes, write_text
+from spgf_torch.writing import write_bytes, write_text
 from spgf_torch.exporting.checks import content, entries, entry, joint_values, name, rotation, unreadable
 from spgf_torch.exporting.records import Grasp, Gripper, gripper_for
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from spgf_torch.config import GRASP_TYPES, InputError
-from spgf_torch.evaluation.files import write_text
+from spgf_torch.writing import write_text
 from spgf_torch.exporting.checks import (
     content,
     entries,

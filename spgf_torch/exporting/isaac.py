@@ -18,7 +18,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from spgf_torch.config import InputError
-from spgf_torch.evaluation.files import write_text
+from spgf_torch.writing import write_text
 from spgf_torch.exporting.checks import TOLERANCE, content, entry, joint_values, name, number, unreadable, vector
 from spgf_torch.exporting.records import Grasp, Gripper, gripper_for
 from spgf_torch.geometry import se3

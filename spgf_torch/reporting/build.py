@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from spgf_torch.affordance.model import load_model
 from spgf_torch.config import GRASP_TYPES, InputError, ReportConfig, find
-from spgf_torch.evaluation.files import write_bytes
+from spgf_torch.writing import write_bytes
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
 from spgf_torch.progress import Stages

@@ -11,8 +11,10 @@ import pyarrow as pa
 
 from spgf_torch.config import CLASSES, GRASP_TYPES, InputError
 from spgf_torch.evaluation.success import TYPES, of_type
-from spgf_torch.reading import parquet_table
+from spgf_torch.parquet import parquet_table
+from spgf_torch.reading import existing
 from spgf_torch.reporting.runs import Run
+from spgf_torch.sealing import check_seal
 
 NESTED = "nested"
 MOST_ROWS = 20_000_000  # of an experiment: a hundred objects with 100,000 candidates of each type
@@ -68,6 +70,7 @@ def read_predictions(run: Run, ranking: str) -> list[Candidates]:
     path = run.folder / "predictions.parquet"
     if not path.is_file():
         raise InputError(f"{path}: expected the predictions of a run, got no such file")
+    check_seal(existing(path), "the predictions of a run")
     table = parquet_table(path, "the predictions of a run", None, MOST_ROWS)
     try:
         objects = _by_object({name: _array(table[name]) for name in table.column_names})
