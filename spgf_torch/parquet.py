@@ -44,7 +44,7 @@ def parquet_table(path: Path, what: str, columns: Sequence[str] | None, most: in
         _check_footer(existing(path), what)
         with pq.ParquetFile(path) as file:
             wanted = _checked(path, what, file, columns, most)
-            texts = [name for name in wanted if pa.types.is_string(file.schema_arrow.field(name).type)]
+            texts = [entry.name for entry in file.schema_arrow if pa.types.is_string(entry.type)]
         with pq.ParquetFile(path, read_dictionary=texts, page_checksum_verification=True) as file:
             content = file.read(wanted)
         _check_words(path, content)
@@ -98,7 +98,7 @@ def _check_chunks(path: Path, what: str, content: mmap.mmap, group: Any, wanted:
             continue
         if chunk.num_values > group.num_rows:
             raise InputError(f"{path}: {name}: expected one value a row, got {chunk.num_values} in {group.num_rows}")
-        size = max(chunk.total_uncompressed_size, _unpacked(content, chunk))
+        size = max(chunk.total_uncompressed_size, _unpacked(content, chunk) if group.num_rows else 0)
         if size > group.num_rows * WIDEST + CHUNK:
             raise InputError(f"{path}: expected {what}, got {size} bytes in {group.num_rows} rows of {name}")
 

@@ -85,14 +85,12 @@ def yaml_values(path: Path, what: str, sealed: bool = False, times: int = 1) -> 
     content = text(path, what, times * LARGEST_YAML)
     if sealed:
         check_seal(path, what)
-    loader = _BoundedLoader(content)
-    loader.most = times * MOST_NODES
     try:
+        loader = _BoundedLoader(content)
+        loader.most = times * MOST_NODES
         return loader.get_single_data()
     except Exception as error:  # beside its own errors PyYAML lets through whatever a scalar's constructor raises
         raise unreadable(path, what, error) from None
-    finally:
-        loader.dispose()
 
 
 class _BoundedLoader(yaml.SafeLoader):

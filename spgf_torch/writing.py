@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from pathlib import Path
 from uuid import uuid4
 
 _PART = re.compile(r"\.[0-9a-f]{32}\.part")
+UNABLE = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)  # of network file systems that cannot flush a folder
 FRESH = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 
 
@@ -37,19 +39,21 @@ def write_bytes(path: Path, content: bytes | memoryview) -> None:
             with suppress(OSError):
                 part.unlink()
             raise
+        sync(path.parent)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from None
-    sync(path.parent)
 
 
 def sync(folder: Path) -> None:
     """Flush a folder's entries to disk: a renamed file is there after a power cut as well."""
-    with suppress(OSError):  # some network file systems cannot
-        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in UNABLE:
+            raise
+    finally:
+        os.close(handle)
 
 
 def parts_in(folder: Path) -> Iterator[Path]:
