@@ -165,7 +165,10 @@ def npy_array(path: Path) -> np.ndarray:
     """The array of a .npy file, mapped, not yet read: whatever its header says, it is no larger than the file."""
     try:
         with existing(path).open("rb") as stream:
-            _npy_header(stream)
+            if _npy_header(stream)[2].hasobject:
+                raise InputError(
+                    f"{path}: expected numbers, got Python objects: they are not read, they could run code"
+                )
         array = np.lib.format.open_memmap(path, mode="r")
     except InputError:
         raise

@@ -77,6 +77,12 @@ def check_seal(path: Path, what: str) -> bool:
     return False
 
 
+def is_sealed(path: Path) -> bool:
+    """Whether there is a seal in the file, right or not."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        return _sealed_with(content) is not None
+
+
 def digest_of(path: Path) -> str:
     """SHA-256 of a file, in hexadecimal digits."""
     with path.open("rb") as file:
@@ -111,7 +117,7 @@ def _sealed_with(content: mmap.mmap) -> bytes | None:
 
 
 def _digest_without(content: mmap.mmap, seal: bytes) -> bytes:
-    """The digits of the file's SHA-256 with zeros in the place of `seal`; of a damaged seal none that it could equal."""
+    """The digits of the file's SHA-256 with zeros in the place of `seal`; for a damaged seal other words."""
     if not seal:
         return b"damaged"
     mark = MARK + b":" + seal

@@ -28,10 +28,10 @@ def run(config: SimulateConfig, folder: Path) -> None:
     Raises IncompleteError where an object could not be finished; its manifest says why.
     """
     from spgf_torch.objects.folders import read_objects
+    from spgf_torch.sealing import sealed_yaml
     from spgf_torch.trials.attempts import Trials
     from spgf_torch.trials.campaign import Campaign, Plan, finished
     from spgf_torch.trials.hand import load_hand
-    from spgf_torch.sealing import sealed_yaml
     from spgf_torch.trials.journal import Journal, rows_of
     from spgf_torch.trials.runner import made_with, origin
     from spgf_torch.writing import write_bytes

@@ -9,7 +9,6 @@ from typing import TypeVar
 
 from spgf_torch.affordance.model import load_model
 from spgf_torch.config import GRASP_TYPES, InputError, ReportConfig, find
-from spgf_torch.writing import write_bytes
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
 from spgf_torch.progress import Stages
@@ -22,6 +21,7 @@ from spgf_torch.reporting.rate_parts import ablation_part, choice_part, headline
 from spgf_torch.reporting.runs import Notes, Run
 from spgf_torch.reporting.sweep import find_sweep
 from spgf_torch.reporting.table1 import Group, table1
+from spgf_torch.writing import write_bytes
 
 T = TypeVar("T")
 

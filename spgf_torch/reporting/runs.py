@@ -253,9 +253,9 @@ def _block(content: Mapping[str, Mapping[str, float]]) -> Block:
 def _check_rates(results: Mapping[str, Any]) -> None:
     """Raises ValueError where a ranking lacks a rate or an interval of a class that occurs."""
     rates, intervals = results["by_ranking"], results["interval95_by_ranking"]
-    for name in ("random", "random_collision_free", "ceiling"):
-        if missing := [c for block in rates.values() for c in block if set(results[name].get(c, {})) < set(TYPES)]:
-            raise ValueError(f"no {name} of {str(missing[0])[:40]}")
+    for key, kinds in (("random", GRASP_TYPES), ("random_collision_free", GRASP_TYPES), ("ceiling", TYPES)):
+        if missing := [name for block in rates.values() for name in block if {*kinds} - {*results[key].get(name, ())}]:
+            raise ValueError(f"no {key} of {str(missing[0])[:40]}")
     for ranking, block in rates.items():
         checked_name(ranking, "by_ranking")
         for name, kind in ((name, kind) for name in block for kind in TYPES):
