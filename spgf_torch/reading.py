@@ -166,9 +166,7 @@ def npy_array(path: Path) -> np.ndarray:
     try:
         with existing(path).open("rb") as stream:
             if _npy_header(stream)[2].hasobject:
-                raise InputError(
-                    f"{path}: expected numbers, got Python objects: they are not read, they could run code"
-                )
+                raise InputError(f"{path}: expected numbers, got Python objects, which could run code")
         array = np.lib.format.open_memmap(path, mode="r")
     except InputError:
         raise

@@ -95,12 +95,12 @@ def sums_of(path: Path) -> dict[str, str] | None:
         return None
     try:
         size = path.stat().st_size
-        lines = path.read_text().splitlines() if size <= LARGEST_SUMS else []
+        *lines, rest = path.read_bytes().decode().split("\n") if size <= LARGEST_SUMS else [""]
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: expected digests of files, got {error}") from None
     found = [_LINE.fullmatch(line) for line in lines]
     listed = {match[2]: match[1] for match in found if match}
-    if not found or len(listed) < len(found):
+    if not found or rest or len(listed) < len(found):
         got = f"{size} bytes" if not found else "a damaged line, or a file twice"
         raise InputError(f"{path}: expected a SHA-256, two blanks and a file name in each line, got {got}")
     return listed

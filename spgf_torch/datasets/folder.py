@@ -164,14 +164,15 @@ def _is_marked(handle: int, other: Path, out: Path) -> bool:
         marker = os.open(MARKER, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=handle)
     except OSError:
         return False
-    with os.fdopen(marker, "rb") as file:
+    try:
         about = os.fstat(marker)
         if not stat.S_ISREG(about.st_mode) or about.st_uid != os.geteuid() or about.st_nlink != 1:
             return False
-        try:
-            return bool(json.loads(file.read(4096)) == _claim_of(other, out))
-        except (ValueError, RecursionError):
-            return False
+        return bool(json.loads(os.read(marker, 4096)) == _claim_of(other, out))
+    except (ValueError, RecursionError):
+        return False
+    finally:
+        os.close(marker)
 
 
 def _flush(folder: Path) -> None:

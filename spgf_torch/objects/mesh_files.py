@@ -156,9 +156,8 @@ def _levels(nodes: list[dict[str, Any]]) -> int:
 
 def _listed(values: Any, key: str) -> list[dict[str, Any]]:
     """The mappings in a list of the header."""
-    return [
-        part if isinstance(part, dict) else {} for part in _list(values.get(key) if isinstance(values, dict) else 0)
-    ]
+    listed = _list(values.get(key)) if isinstance(values, dict) else []
+    return [part if isinstance(part, dict) else {} for part in listed]
 
 
 def _list(value: Any) -> list[Any]:

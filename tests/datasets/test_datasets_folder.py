@@ -146,7 +146,7 @@ def test_links_in_the_way_are_left_as_they_are(tmp_path: Path, victim: Path) -> 
     assert len(list((tmp_path / "shared").iterdir())) == 3
     (tmp_path / "link").symlink_to(victim)
     for call in (lambda: check_out(tmp_path / "link", True, []), lambda: replacing(tmp_path / "link").__enter__()):
-        with pytest.raises(InputError, match="link|export made"):
+        with pytest.raises(InputError, match=r"link|export made"):
             call()
     assert contents(victim) == {"precious": "x"}
 
