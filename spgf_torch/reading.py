@@ -26,7 +26,7 @@ DEEPEST = 50  # levels of lists and mappings
 MOST_NODES = 1_000_000  # of a YAML document with every alias written out
 LONGEST_REASON = 120  # characters of a library's own words
 LONGEST_NUMBER = 100  # characters of a number in YAML: Python takes the square of the time for the square of them
-LARGEST_KEY = 2**63  # of whole numbers as keys: those of more bits can be made to fall on each other
+LONGEST_KEY = 19  # characters of a number as a key: longer ones can be made to fall on each other in Python's tables
 LARGEST_XML = 16_000_000  # bytes
 HEAD = 1 << 16  # bytes that a numpy file may take to describe its array
 DIRECTORY = 1 << 20  # bytes of the list of what is in a .npz file: some ten thousand arrays
@@ -117,12 +117,6 @@ class _BoundedLoader(yaml.SafeLoader):
             raise ValueError(f"aliases that make more than {DEEPEST} levels")
         return self.construct_document(node)
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        made = super().construct_mapping(node, deep)
-        if any(isinstance(key, int | float) and not abs(key) < LARGEST_KEY for key in made):
-            raise ValueError(f"a key that is no number below {LARGEST_KEY}")
-        return made
-
     def short(self, node: yaml.Node) -> Any:
         """A number. PyYAML adds up those with colons (base 60) digit by digit."""
         if isinstance(node, yaml.ScalarNode) and len(node.value) > LONGEST_NUMBER:
@@ -141,6 +135,8 @@ def _size(node: yaml.Node, known: dict[int, tuple[int, int]]) -> tuple[int, int]
         return 1, 0
     if id(node) not in known:
         known[id(node)] = 0, 0  # until all of it is known
+        if isinstance(node, yaml.MappingNode):
+            _check_keys(node)
         pairs = isinstance(node, yaml.MappingNode)
         inner = [part for pair in node.value for part in pair] if pairs else node.value
         sizes = [_size(part, known) for part in inner]
@@ -148,6 +144,13 @@ def _size(node: yaml.Node, known: dict[int, tuple[int, int]]) -> tuple[int, int]
     if known[id(node)] == (0, 0):
         raise ValueError("an alias within what it stands for")
     return known[id(node)]
+
+
+def _check_keys(node: yaml.MappingNode) -> None:
+    for key, _ in node.value:
+        number = isinstance(key, yaml.ScalarNode) and key.tag.endswith((":int", ":float"))
+        if number and (len(key.value) > LONGEST_KEY or key.value.lower().endswith(("inf", "nan"))):
+            raise ValueError(f"a key that is no number of at most {LONGEST_KEY} characters")
 
 
 def _depth(values: Any) -> int:
