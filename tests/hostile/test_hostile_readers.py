@@ -214,7 +214,7 @@ YAML: dict[str, tuple[str, str]] = {
     "a key of NaN": (".nan: 1", "a key"),
     "a key of a list": ("? [1, 2]\n: 3", ""),
     "aliases in 60 levels": (chain(60), "levels"),
-    "aliases in 5000 levels": (chain(5000), "levels"),
+    "aliases in 5000 levels": (chain(5000), "aliases"),
     "merges of merges": (merged(9), "aliases"),
     "a merge of itself": ("&a {<<: *a}", "alias"),
     "a merge of a number": ("<<: 5", ""),
