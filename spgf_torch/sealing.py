@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from spgf_torch.config import InputError
+from spgf_torch.config import InputError, one_line
 
 MARK = b"spgf-sha256"
 ZEROS = b"0" * 64
@@ -144,7 +144,5 @@ def _tell(path: Path) -> None:
         from spgf_torch.progress import console  # brings rich
 
         _told.add(around)
-        console.print(
-            f"no digest in {path}, written by an older version: damage to it, or to others beside it, is not noticed",
-            markup=False,
-        )
+        words = "written by an older version: damage to it, or to others beside it, is not noticed"
+        console.print(one_line(f"no digest in {path}, {words}"), markup=False)

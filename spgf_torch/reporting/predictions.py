@@ -158,6 +158,8 @@ def rotations(wxyz: np.ndarray) -> np.ndarray:
 
 
 def _array(column: pa.ChunkedArray) -> np.ndarray:
+    if column.null_count:
+        raise ValueError("a value in every row, not nulls")
     if pa.types.is_dictionary(column.type):
         column = column.cast(column.type.value_type)
     return column.to_numpy()
