@@ -218,8 +218,8 @@ def _check_pictured(run: Run) -> None:
             words = "text" if kind is str else "settings"
             got = str(told.get(key, "none"))[:60]
             raise InputError(f"{run.folder / 'config.yaml'}: {key}: expected {words}, got {got}")
-    for kind in GRASP_TYPES:
-        number(told["hand.openings"].get(kind), f"{run.folder / 'config.yaml'}: hand.openings.{kind}", 0.0, WIDEST)
+    for name in GRASP_TYPES:
+        number(told["hand.openings"].get(name), f"{run.folder / 'config.yaml'}: hand.openings.{name}", 0.0, WIDEST)
 
 
 def _stamp(folder: Path) -> str:

@@ -396,6 +396,5 @@ def test_settings_of_a_hand(changes: dict[str, Any], word: str, capsys: pytest.C
     from omegaconf import OmegaConf
 
     values = OmegaConf.to_container(OmegaConf.load(ROOT / "conf/hand/panda.yaml"))
-    told(
-        "simulate", lambda: load_hand(settings(HandConfig, **{**values, **changes})), (word, "expected", "got"), capsys
-    )
+    config = settings(HandConfig, **{**values, **changes})
+    told("simulate", lambda: load_hand(config), (word, "expected", "got"), capsys)
