@@ -117,7 +117,7 @@ INTRINSICS = [
     ("K.yaml", "two documents", raw(b"--- 1\n--- 2\n"), "K.yaml"),
     ("K.yaml", "a set", yaml_k("!!set {a, b}"), "matrix"),
     ("K.npy", "another shape", npy(np.eye(4)), "shape"),
-    ("K.npy", "objects", lambda path: np.save(path, np.array([{}], dtype=object), allow_pickle=True), "damaged"),
+    ("K.npy", "objects", lambda path: np.save(path, np.array([{}], dtype=object), allow_pickle=True), "Python objects"),
 ]
 POSES = [
     ("T.json", "a number", as_json(5), "shape"),
