@@ -55,7 +55,7 @@ def fit(make: Callable[[], GraspJudge], folder: Path) -> GraspJudge:
     """
     with _quiet():
         module = make()
-        resumed = _of_origin(folder / LAST, module.origin)
+        resumed = _of_origin(folder / LAST, module.origin) if (folder / BEST).is_file() else None
         if resumed is None or not _finished(resumed, module):
             trainer = _trainer(module, folder, resumed)
             trainer.fit(module, ckpt_path=folder / LAST if resumed else None, weights_only=True)
