@@ -37,6 +37,7 @@ clean:
 
 # The committed trial table, from nothing (a quarter of an hour on two cores).
 trials: $(READY)
+	rm -f data/trials/SHA256SUMS
 	$(BIN)/python -m spgf_torch.simulate out=data/trials
 
 # Readers of files, with changed bytes, for so many seconds (tests/fuzz).

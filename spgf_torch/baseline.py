@@ -33,7 +33,7 @@ def run(config: BaselineConfig, folder: Path) -> None:
     from spgf_torch.baselines.costs import costs  # brings Lightning: seconds, not before the input is known to be good
     from spgf_torch.baselines.fit import has_tensorboard
     from spgf_torch.baselines.folds import novel_objects, run_folds
-    from spgf_torch.evaluation.files import write_json, write_per_object
+    from spgf_torch.evaluation.files import write_per_object, write_results
     from spgf_torch.evaluation.results import build_results
     from spgf_torch.evaluation.tables import calibration_line, chosen_line, results_table
 
@@ -47,7 +47,7 @@ def run(config: BaselineConfig, folder: Path) -> None:
         results["costs"] = costs(data, judged, config, work, stages.seconds["reading"])
         write_per_object(folder / "per_object.csv", novel, config.N)
         seconds = {**stages.seconds, "total": time.perf_counter() - start}
-        write_json(folder / "results.json", {**results, "seconds": seconds})
+        write_results(folder, {**results, "seconds": seconds})
         hand_over(work, folder)
     table = results_table(results, list(dict.fromkeys([config.ranking, NESTED])))
     table.title = f"Success-rate (%) of a network's {config.N} highest-ranked grasps on novel objects"

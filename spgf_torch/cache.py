@@ -21,7 +21,6 @@ from importlib.metadata import version
 from pathlib import Path
 from threading import Lock
 from typing import Any
-from uuid import uuid4
 
 import numpy as np
 import torch
@@ -30,6 +29,7 @@ from safetensors.torch import load, save
 from torch import Tensor
 
 from spgf_torch.progress import console
+from spgf_torch.writing import parts_in, write_bytes
 
 OFF = ("", "off", "false", "none", "null")
 ENDING = ".safetensors"
@@ -110,22 +110,14 @@ class Cache:
         return tensors
 
     def _write(self, path: Path, tensors: Mapping[str, Tensor]) -> None:
-        """Write to a name of its own, flush to disk, rename; then see that the folder is not too large."""
+        """Write the entry; then see that the folder is not too large."""
         if self._warned:
             return
         entry = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
         content = save({**entry, CHECKSUM: torch.tensor([checksum(path.stem, entry)])})
-        part = path.with_name(f".{uuid4().hex}.part")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            try:
-                with part.open("xb") as file:
-                    file.write(content)
-                    file.flush()
-                    os.fsync(file.fileno())
-                part.replace(path)
-            finally:
-                part.unlink(missing_ok=True)
+            write_bytes(path, content)
             self._trim(path.parent, len(content))
         except OSError as error:
             self._warn(f"cannot write to {self.folder} ({error.strerror}); going on without")
@@ -156,7 +148,9 @@ def trim(folder: Path, limit: int) -> int:
             status = path.stat()
             if path.suffix == ENDING:
                 entries.append((status.st_mtime_ns, status.st_size, path))
-            elif path.suffix == ".part" and time.time() - status.st_mtime > ABANDONED:
+    for path in parts_in(folder):
+        with suppress(FileNotFoundError):
+            if time.time() - path.stat().st_mtime > ABANDONED:
                 path.unlink()
     size = sum(entry[1] for entry in entries)
     if size > limit:

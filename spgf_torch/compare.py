@@ -23,10 +23,10 @@ def run(config: CompareConfig, folder: Path) -> None:
     rankings = dict.fromkeys([config.ranking, *config.rankings])
     comparisons = [compare(rows, config, ranking, tell) for ranking in rankings]
 
-    from spgf_torch.evaluation.files import write_bytes, write_text
     from spgf_torch.reporting.comparison_chart import learning_curves  # matplotlib: not before there is a curve
     from spgf_torch.reporting.comparison_text import long_csv, markdown, terminal
     from spgf_torch.reporting.page import drawn, png
+    from spgf_torch.writing import write_bytes, write_text
 
     write_text(folder / "comparison.md", markdown(comparisons))
     write_text(folder / "comparison.csv", long_csv(comparisons))

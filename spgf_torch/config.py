@@ -443,6 +443,8 @@ def root() -> Path:
 
 def find(path: str | Path) -> Path:
     """`path` as given if it exists (relative to the working folder), else below `root()`."""
+    if "\0" in str(path):
+        raise InputError(f"{path}: expected a file or folder, got a name with a zero in it")
     try:
         given = Path(path).expanduser()
         shipped = root() / given

@@ -32,7 +32,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.affordance.model import check_device
     from spgf_torch.cache import Cache
     from spgf_torch.evaluation.executed import executed_results
-    from spgf_torch.evaluation.files import write_bytes, write_json
+    from spgf_torch.evaluation.files import write_json
     from spgf_torch.evaluation.tables import executed_table, scans_table
     from spgf_torch.experiment.execution import execute_best
     from spgf_torch.objects.folders import read_objects
@@ -40,6 +40,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.reporting.failures import failures_picture
     from spgf_torch.trials.hand import load_hand
     from spgf_torch.trials.runner import Trials
+    from spgf_torch.writing import write_bytes
 
     check_device(config.device)
     stages = Stages()

@@ -5,31 +5,34 @@ Readers of every format raise InputError in one line, `file: expected ..., got .
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, Any
+from xml.etree import ElementTree
 
 import numpy as np
 import yaml
 
 from spgf_torch.config import InputError, one_line
-
-if TYPE_CHECKING:
-    import pyarrow as pa
+from spgf_torch.sealing import check_seal
 
 LARGEST_JSON = 16_000_000  # bytes; as Python objects up to twenty times as many
 LARGEST_YAML = 4_000_000  # bytes; half a minute of PyYAML
 DEEPEST = 50  # levels of lists and mappings
 MOST_NODES = 1_000_000  # of a YAML document with every alias written out
 LONGEST_REASON = 120  # characters of a library's own words
-# Bytes of a Parquet column chunk beyond those of its rows: a dictionary of words, statistics.
-CHUNK = 1 << 20
-LONGEST_WORD = 200
+LONGEST_NUMBER = 100  # characters of a number in YAML: Python takes the square of the time for the square of them
+LONGEST_KEY = 19  # characters of a number as a key: longer ones can be made to fall on each other in Python's tables
+LARGEST_XML = 16_000_000  # bytes
+HEAD = 1 << 16  # bytes that a numpy file may take to describe its array
+DIRECTORY = 1 << 20  # bytes of the list of what is in a .npz file: some ten thousand arrays
+ENDING = 22 + (1 << 16)  # bytes in which a zip file says where its list stands
 MOST_MEMBERS = 1000  # arrays of a .npz file that are looked at
-WIDEST = 64  # bytes of one value in a column
+MOST_FIELDS = 100  # of a record in a numpy file
 
 
 def existing(path: Path) -> Path:
@@ -57,9 +60,12 @@ def text(path: Path, what: str, largest: int = LARGEST_JSON) -> str:
         raise unreadable(path, what, error) from None
 
 
-def json_values(path: Path, what: str) -> Any:
-    """The content of a JSON file that should be `what`."""
-    return json_of(text(path, what), path, what)
+def json_values(path: Path, what: str, sealed: bool = False) -> Any:
+    """The content of a JSON file that should be `what`; with `sealed` held to its digest (`sealing`)."""
+    content = text(path, what)
+    if sealed:
+        check_seal(path, what)
+    return json_of(content, path, what)
 
 
 def json_of(content: str | bytes, path: Path, what: str) -> Any:
@@ -73,15 +79,23 @@ def json_of(content: str | bytes, path: Path, what: str) -> Any:
     return values
 
 
-def yaml_values(path: Path, what: str) -> Any:
-    """The content of a YAML file that should be `what`: plain values; no tag makes an object."""
-    return yaml_of(text(path, what, LARGEST_YAML), path, what)
+def yaml_values(path: Path, what: str, sealed: bool = False, times: int = 1) -> Any:
+    """The content of a YAML file that should be `what`: plain values; no tag makes an object.
+
+    With `sealed` it is held to its digest; `times` as much as `LARGEST_YAML` and `MOST_NODES` is read.
+    """
+    content = text(path, what, times * LARGEST_YAML)
+    if sealed:
+        check_seal(path, what)
+    return yaml_of(content, path, what, times)
 
 
-def yaml_of(content: str, path: Path, what: str) -> Any:
+def yaml_of(content: str, path: Path, what: str, times: int = 1) -> Any:
     """The same for YAML that stands in the file `path`."""
     try:
-        return yaml.load(content, _BoundedLoader)
+        loader = _BoundedLoader(content)
+        loader.most = times * MOST_NODES
+        return loader.get_single_data()
     except Exception as error:  # beside its own errors PyYAML lets through whatever a scalar's constructor raises
         raise unreadable(path, what, error) from None
 
@@ -89,7 +103,7 @@ def yaml_of(content: str, path: Path, what: str) -> Any:
 class _BoundedLoader(yaml.SafeLoader):
     """A SafeLoader that looks at how large a document is with its aliases written out before it makes values of it."""
 
-    level = 0
+    level, most = 0, MOST_NODES
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         self.level += 1
@@ -103,23 +117,47 @@ class _BoundedLoader(yaml.SafeLoader):
         node = self.get_single_node()
         if node is None:
             return None
-        if _nodes(node, {}) > MOST_NODES:
-            raise ValueError(f"aliases that stand for more than {MOST_NODES} values")
+        count, depth = _size(node, {})
+        if count > self.most:
+            raise ValueError(f"aliases that stand for more than {self.most} values")
+        if depth > DEEPEST:
+            raise ValueError(f"aliases that make more than {DEEPEST} levels")
         return self.construct_document(node)
 
+    def short(self, node: yaml.Node) -> Any:
+        """A number. PyYAML adds up those with colons (base 60) digit by digit."""
+        if isinstance(node, yaml.ScalarNode) and len(node.value) > LONGEST_NUMBER:
+            raise ValueError(f"a number of {len(node.value)} characters, more than {LONGEST_NUMBER}")
+        whole = node.tag.endswith("int")
+        return self.construct_yaml_int(node) if whole else self.construct_yaml_float(node)  # type: ignore[no-untyped-call]
 
-def _nodes(node: yaml.Node, known: dict[int, int]) -> int:
-    """How many nodes a YAML node stands for, itself included; ValueError for one within itself."""
+
+for _kind in ("int", "float"):
+    _BoundedLoader.add_constructor(f"tag:yaml.org,2002:{_kind}", _BoundedLoader.short)
+
+
+def _size(node: yaml.Node, known: dict[int, tuple[int, int]]) -> tuple[int, int]:
+    """How many nodes a YAML node stands for, itself included, and their levels; ValueError for one within itself."""
     if not isinstance(node, yaml.CollectionNode):
-        return 1
+        return 1, 0
     if id(node) not in known:
-        known[id(node)] = 0  # until all of it is known
+        known[id(node)] = 0, 0  # until all of it is known
+        if isinstance(node, yaml.MappingNode):
+            _check_keys(node)
         pairs = isinstance(node, yaml.MappingNode)
         inner = [part for pair in node.value for part in pair] if pairs else node.value
-        known[id(node)] = 1 + sum(_nodes(part, known) for part in inner)
-    if known[id(node)] == 0:
+        sizes = [_size(part, known) for part in inner]
+        known[id(node)] = 1 + sum(count for count, _ in sizes), 1 + max((depth for _, depth in sizes), default=0)
+    if known[id(node)] == (0, 0):
         raise ValueError("an alias within what it stands for")
     return known[id(node)]
+
+
+def _check_keys(node: yaml.MappingNode) -> None:
+    for key, _ in node.value:
+        number = isinstance(key, yaml.ScalarNode) and key.tag.endswith((":int", ":float"))
+        if number and (len(key.value) > LONGEST_KEY or key.value.lower().endswith(("inf", "nan"))):
+            raise ValueError(f"a key that is no number of at most {LONGEST_KEY} characters")
 
 
 def _depth(values: Any) -> int:
@@ -136,7 +174,11 @@ def _depth(values: Any) -> int:
 def npy_array(path: Path) -> np.ndarray:
     """The array of a .npy file, mapped, not yet read: whatever its header says, it is no larger than the file."""
     try:
-        array = np.lib.format.open_memmap(existing(path), mode="r")
+        with existing(path).open("rb") as stream:
+            if _npy_header(stream)[2].hasobject:
+                got = "Python objects, which could run code"
+                raise InputError(f"{path}: expected a whole numpy file of numbers, got {got}")
+        array = np.lib.format.open_memmap(path, mode="r")
     except InputError:
         raise
     except Exception as error:  # numpy lets through what the parser of the header raises
@@ -147,12 +189,13 @@ def npy_array(path: Path) -> np.ndarray:
 
 
 def npz_arrays(path: Path, names: Sequence[str], most: int) -> dict[str, np.ndarray]:
-    """The arrays `names` of a .npz file, each of `most` numbers at most; it need have the first of them only.
+    """The arrays `names` of a .npz file, each of `most` plain numbers at most; it need have the first of them only.
 
     Other arrays in it stay packed.
     """
     try:
-        with zipfile.ZipFile(existing(path)) as archive:
+        _check_directory(existing(path))
+        with zipfile.ZipFile(path) as archive:
             members = {Path(info.filename).stem: info for info in archive.infolist() if info.filename.endswith(".npy")}
             arrays = {name: _member(path, archive, members[name], most) for name in names if name in members}
     except InputError:
@@ -166,14 +209,14 @@ def npz_arrays(path: Path, names: Sequence[str], most: int) -> dict[str, np.ndar
 
 def npz_headers(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype]]:
     """Shape and type of each array of a .npz file, as their headers say; none is unpacked."""
-    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     headers = {}
     try:
-        with zipfile.ZipFile(existing(path)) as archive:
+        _check_directory(existing(path))
+        with zipfile.ZipFile(path) as archive:
             for info in archive.infolist()[:MOST_MEMBERS]:
                 if info.filename.endswith(".npy"):
                     with archive.open(info) as stream:
-                        shape, _, dtype = readers[np.lib.format.read_magic(stream)](stream)
+                        shape, _, dtype = _npy_header(stream)
                     headers[Path(info.filename).stem] = (shape, dtype)
     except InputError:
         raise
@@ -198,64 +241,81 @@ def _pickled(path: Path) -> InputError:
     )
 
 
+def _check_directory(path: Path) -> None:
+    """ValueError for a zip file with a list of more than `DIRECTORY` bytes: all of it would become objects."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        stream.seek(max(0, size - ENDING))
+        end = stream.read()
+    start = end.rfind(b"PK\5\6")
+    if start < 0 or start + 16 > len(end):
+        raise ValueError("no end of a zip file")
+    length = int.from_bytes(end[start + 12 : start + 16], "little")
+    if length > DIRECTORY:
+        raise ValueError(f"a list of {length} bytes, more than {DIRECTORY}, of what is in it")
+
+
+def _npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Shape, order and type of the array that follows in `stream`; ValueError where they take more than `HEAD`."""
+    version = np.lib.format.read_magic(stream)
+    if version == (1, 0):
+        return np.lib.format.read_array_header_1_0(stream)
+    length = stream.read(4)
+    if version not in ((2, 0), (3, 0)) or int.from_bytes(length, "little") > HEAD:
+        raise ValueError(f"a header of version {version} with {int.from_bytes(length, 'little')} bytes")
+    head = io.BytesIO(length + stream.read(int.from_bytes(length, "little")))
+    return np.lib.format.read_array_header_2_0(head)
+
+
+def _plain_numbers(dtype: np.dtype) -> bool:
+    """Whether an array is of single numbers, or of records of such."""
+    fields = [dtype[name] for name in dtype.names] if dtype.names else [dtype]
+    return len(fields) <= MOST_FIELDS and all(field.kind in "biuf" and field.subdtype is None for field in fields)
+
+
 def _member(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo, most: int) -> np.ndarray:
     """An array of an archive; its header is read and believed only as far as the bytes that there are."""
-    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     with archive.open(info) as stream:
-        shape, fortran, dtype = readers[np.lib.format.read_magic(stream)](stream)
+        shape, fortran, dtype = _npy_header(stream)
         count, start = math.prod(shape), stream.tell()
         if dtype.hasobject:
             raise _pickled(path)
-        if count > most:
-            raise InputError(f"{path}: {info.filename}: expected at most {most} numbers, got {count}")
+        if not _plain_numbers(dtype):
+            raise InputError(f"{path}: {info.filename}: expected plain numbers, got {str(dtype)[:40]}")
+        if (numbers := count * max(1, len(dtype.names or ()))) > most:
+            raise InputError(f"{path}: {info.filename}: expected at most {most} numbers, got {numbers}")
         if info.file_size != start + count * dtype.itemsize:
             raise ValueError(f"{info.file_size} bytes for an array of shape {shape}")
-        content = stream.read()
+        content = stream.read(count * dtype.itemsize)
     return np.frombuffer(content, dtype, count).reshape(shape, order="F" if fortran else "C")
 
 
-def parquet_table(path: Path, what: str, columns: Sequence[str] | None, most: int) -> pa.Table:
-    """Columns (None: all) of a Parquet file that should be `what`, of `most` rows at most.
-
-    Columns that the file lacks are left out. Its footer says how large the rows are before any is unpacked; text stays
-    a dictionary of words until these are known to be short, and what carries checksums is held to them.
-    """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+def xml_root(content: bytes, path: Path, what: str) -> ElementTree.Element:
+    """The root of XML that stands in the file `path`; a document type, which could name files, is refused."""
+    if len(content) > LARGEST_XML:
+        raise InputError(f"{path}: expected {what} of at most {LARGEST_XML} bytes, got {len(content)}")
+    builder = ElementTree.XMLParser(target=_NoDoctype())
     try:
-        with pq.ParquetFile(existing(path)) as file:
-            about, schema = file.metadata, file.schema_arrow
-            if about.num_rows > most:
-                raise InputError(f"{path}: expected {what} of at most {most} rows, got {about.num_rows}")
-            wanted = [name for name in schema.names if columns is None or name in columns]
-            for group in range(about.num_row_groups):
-                _check_chunks(path, what, about.row_group(group), wanted)
-        texts = [entry.name for entry in schema if pa.types.is_string(entry.type) or pa.types.is_binary(entry.type)]
-        with pq.ParquetFile(path, read_dictionary=texts, page_checksum_verification=True) as file:
-            content = file.read(wanted)
-        for name, values in zip(content.column_names, content.columns, strict=True):
-            words = [chunk.dictionary for chunk in values.chunks if pa.types.is_dictionary(chunk.type)]
-            longest = max((len(str(word)) for some in words for word in some.to_pylist()), default=0)
-            if longest > LONGEST_WORD:
-                raise InputError(f"{path}: {name}: expected words of {LONGEST_WORD} letters at most, got {longest}")
-        return content
-    except InputError:
-        raise
-    except (pa.ArrowException, OSError, ValueError, MemoryError) as error:
-        raise unreadable(path, what, error, "a damaged file") from None
+        builder.feed(content)
+        root: ElementTree.Element = builder.close()
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
+        raise unreadable(path, what, error) from None
+    if depth_of(root) > DEEPEST:
+        raise InputError(f"{path}: expected {what}, got more than {DEEPEST} levels of elements")
+    return root
 
 
-def _check_chunks(path: Path, what: str, group: Any, wanted: Sequence[str]) -> None:
-    for i in range(group.num_columns):
-        chunk = group.column(i)
-        name = chunk.path_in_schema.split(".")[0]
-        if name in wanted and chunk.num_values > group.num_rows:
-            raise InputError(f"{path}: {name}: expected one value a row, got {chunk.num_values} in {group.num_rows}")
-        if name in wanted and chunk.total_uncompressed_size > group.num_rows * WIDEST + CHUNK:
-            raise InputError(
-                f"{path}: expected {what}, got {chunk.total_uncompressed_size} bytes in {group.num_rows} rows of {name}"
-            )
+class _NoDoctype(ElementTree.TreeBuilder):
+    def doctype(self, *_: Any) -> None:
+        raise ValueError("a document type (<!DOCTYPE), which is not read")
+
+
+def depth_of(root: ElementTree.Element) -> int:
+    """Levels of elements, as far as they are bounded."""
+    depth, level = 0, [root]
+    while level and depth <= DEEPEST:
+        depth, level = depth + 1, [part for element in level for part in element]
+    return depth
 
 
 def unreadable(path: Path, what: str, error: BaseException, got: str = "") -> InputError:

@@ -30,11 +30,13 @@ def run(config: SimulateConfig, folder: Path) -> None:
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.objects.folders import read_objects
+    from spgf_torch.sealing import sealed_yaml
     from spgf_torch.trials.attempts import Trials
     from spgf_torch.trials.campaign import Campaign, Plan, finished
     from spgf_torch.trials.hand import load_hand
-    from spgf_torch.trials.journal import Journal, rows_of, write_whole
+    from spgf_torch.trials.journal import Journal, rows_of
     from spgf_torch.trials.runner import made_with, origin
+    from spgf_torch.writing import write_bytes
 
     share, out = share_of(config), Path(config.out) if config.out else folder
     stages = Stages()
@@ -50,7 +52,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
     journal.left_out = [note for note in found.notes if note.startswith("left out: ")]
     try:
         with journal.open(origins):
-            write_whole(out / "config.yaml", OmegaConf.to_yaml(OmegaConf.create(plain(config))).encode())
+            write_bytes(out / "config.yaml", sealed_yaml(OmegaConf.to_yaml(OmegaConf.create(plain(config)))))
             for its in there:
                 journal.done(its)
             waiting = [pair for pair in zip(objects, origins, strict=True) if pair[1] not in there]

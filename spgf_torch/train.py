@@ -25,7 +25,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.affordance.model import check_device, save_model
     from spgf_torch.cache import Cache
     from spgf_torch.evaluation.card import model_card
-    from spgf_torch.evaluation.files import write_json, write_per_object, write_predictions, write_text
+    from spgf_torch.evaluation.files import write_per_object, write_predictions, write_results
     from spgf_torch.evaluation.novel import novel_objects
     from spgf_torch.evaluation.results import build_results
     from spgf_torch.evaluation.tables import calibration_line, chosen_line, results_table
@@ -36,6 +36,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.experiment.space import Example
     from spgf_torch.experiment.tried import dataset_digest, open_hand, tried_grasps
     from spgf_torch.objects.folders import read_objects
+    from spgf_torch.writing import write_text
 
     check_device(config.device)
     start, stages = time.perf_counter(), Stages()
@@ -65,9 +66,7 @@ def run(config: TrainConfig, folder: Path) -> None:
         save_fold_models(learned.of_fold, objects, design.fold.tolist(), folder)
     write_per_object(folder / "per_object.csv", novel, config.N)
     write_predictions(folder / "predictions.parquet", novel)
-    write_json(
-        folder / "results.json", {**results, "seconds": {**stages.seconds, "total": time.perf_counter() - start}}
-    )
+    write_results(folder, {**results, "seconds": {**stages.seconds, "total": time.perf_counter() - start}})
     for content in (results_table(results), chosen_line(results), calibration_line(results)):
         show(content)
     show(f"results, model and settings in {folder}" if model else f"results and settings in {folder}")

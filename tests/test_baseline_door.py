@@ -15,10 +15,12 @@ from spgf_torch.baseline import run
 from spgf_torch.baselines.config import BaselineConfig
 from spgf_torch.cli import slug
 from spgf_torch.config import InputError, plain, typed
+from spgf_torch.datasets.card import checksums
 from spgf_torch.datasets.config import ExportConfig
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.export import run as export
 from spgf_torch.reporting.runs import read_per_object, read_run
+from spgf_torch.sealing import KEY, sealed_json
 from spgf_torch.trials.table import TrialTable, read_table, write_table
 
 ROOT = Path(__file__).parents[1]
@@ -142,8 +144,11 @@ def test_shards_and_cards_that_are_not_right(here: Path) -> None:
     shards[1].write_bytes(whole[: len(whole) // 2])
     refused(["fold0-001.tar", "cut off"])
     shards[1].write_bytes(shards[3].read_bytes())
+    refused(["fold0-001.tar", "card.json", "damaged or another"])
+    listed(shards)
     refused(["fold0-001.tar", "class and fold", "of fold 1"])
     shards[1].write_bytes(shards[0].read_bytes())
+    listed(shards)
     refused(["fold0-001.tar", "each trial once", "second"])
     shards[1].unlink()
     refused(["samples of all 400 trials", "got"])
@@ -152,14 +157,23 @@ def test_shards_and_cards_that_are_not_right(here: Path) -> None:
     shards[1].rename(shards[0])
     shards[1].write_bytes(whole)
     card = json.loads(Path("data/card.json").read_text())
+    del card[KEY]
     for change, words in (
         ({"formats": ["isaac"]}, ["card.json", "webdataset", "isaac"]),
         ({"objects": card["objects"][1:]}, ["card.json", "apple", "none of this name"]),
         ({"objects": [{**card["objects"][0], "digest": "x"}, *card["objects"][1:]]}, ["apple", "another"]),
         ({"objects": 7}, ["card.json", "objects", "7"]),
     ):
-        Path("data/card.json").write_text(json.dumps({**card, **change}))
+        Path("data/card.json").write_bytes(sealed_json({**card, **change}))
         refused(words)
+
+
+def listed(shards: list[Path]) -> None:
+    """Write the checksums of the shards as they are onto the card."""
+    card = json.loads(Path("data/card.json").read_text())
+    known = checksums(Path("data"))
+    card["files"] = {file: known.get(file, about) for file, about in card["files"].items()}
+    Path("data/card.json").write_bytes(sealed_json({key: card[key] for key in card if key != KEY}))
 
 
 def test_trials_that_ended_otherwise(here: Path) -> None:

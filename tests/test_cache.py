@@ -141,12 +141,13 @@ def test_a_cache_stays_within_its_limit(tmp_path: Path) -> None:
 
 
 def test_parts_of_processes_that_died_are_removed(tmp_path: Path) -> None:
-    for name, age in (("old", 2 * module.ABANDONED), ("new", 0)):
+    for name, age in (("0" * 32, 2 * module.ABANDONED), ("1" * 32, 0), ("somebody's", 2 * module.ABANDONED)):
         part = tmp_path / f".{name}.part"
         part.write_text("half an entry")
         os.utime(part, (time.time() - age, time.time() - age))
     Cache(tmp_path).tensors("kind", "key", Maker())
-    assert sorted(path.name for path in tmp_path.iterdir()) == [".new.part", "kind-key.safetensors"]
+    left = sorted(path.name for path in tmp_path.iterdir())
+    assert left == [f".{'1' * 32}.part", ".somebody's.part", "kind-key.safetensors"]
 
 
 # Writes, reads and evicts the same keys again and again; ends with status 1 on any wrong value.

@@ -95,7 +95,10 @@ def test_a_folder_with_files_is_replaced_only_when_told_so(here: Path) -> None:
     Path("data").mkdir()
     Path("data/mine").write_text("mine")
     assert "overwrite=true" in says("format=graspnet")
+    assert "export made" in says("format=graspnet", "overwrite=true")
     assert [path.name for path in Path("data").iterdir()] == ["mine"]
+    Path("data/mine").unlink()
+    export("format=graspnet")
     export("format=graspnet", "overwrite=true", "license=CC-BY-4.0")
     assert check_card(Path("data"))["license"] == "CC-BY-4.0"
     assert {path.name for path in Path("data").iterdir()} == {

@@ -1,12 +1,12 @@
 """Learning, asking and storing a grasp model: prototypes plus condensed shape-grasp particles.
 
-A model folder holds `model.safetensors` (tensors) and `model.json` (settings and provenance): nothing in
-either can run code when read.
+A model folder holds `model.safetensors` (tensors) and `model.json` (settings and provenance): nothing in either can run
+code when read. Each carries its own digest (`sealing`), and `model.json` that of the tensors which it belongs to.
 """
 
 from __future__ import annotations
 
-import json
+import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file, save
 from torch import Tensor
 
 from spgf_torch.affordance.calibration import TERMS, Calibration, uncalibrated
@@ -34,10 +34,14 @@ from spgf_torch.config import (
     typed,
 )
 from spgf_torch.features.descriptors import width
-from spgf_torch.reading import json_values, unreadable
+from spgf_torch.reading import existing, json_values, unreadable
+from spgf_torch.sealing import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
+from spgf_torch.writing import write_bytes
 
 FORMAT = "spgf_torch model"
 SCHEMA = 2
+DIGEST = "tensors_sha256"  # key in model.json: SHA-256 of model.safetensors
+LARGEST_HEADER = 1_000_000  # bytes in which model.safetensors says what is in it
 _TENSORS = ("centres", "calibration", "slice_start", "cell", "probability", "support", "base_rate")
 
 
@@ -100,16 +104,19 @@ def vote(index: VotingIndex, pairs: CellPairs, ids: Tensor) -> Votes:
 
 
 def save_model(model: GraspModel, folder: Path) -> int:
-    """Write `model.safetensors` and `model.json` into `folder`; returns the bytes of the former."""
+    """Write `model.safetensors` and then `model.json` into `folder`; returns the bytes of the former.
+
+    Where only the first was written, the pair does not fit: `load_model` refuses it.
+    """
     condensed = model.condensed
     tensors = {name: getattr(condensed, name) for name in _TENSORS[2:]}
     tensors |= {"centres": model.centres, "calibration": model.calibration.weights}
-    save_file({name: t.contiguous().cpu() for name, t in tensors.items()}, folder / "model.safetensors")
-    lattice = _lattice_section(model.lattice)
-    document = {"format": FORMAT, "schema": SCHEMA, "lattice": lattice, "settings": model.settings}
-    (folder / "model.json").write_text(json.dumps(document, indent=1, sort_keys=True) + "\n")
-    (folder / "model.safetensors").chmod((folder / "model.json").stat().st_mode)  # else it is its owner's alone
-    return (folder / "model.safetensors").stat().st_size
+    content = sealed(save({name: t.contiguous().cpu() for name, t in tensors.items()}, {KEY: BLANK.decode()}))
+    write_bytes(folder / "model.safetensors", content)
+    lattice, digest = _lattice_section(model.lattice), hashlib.sha256(content).hexdigest()
+    document = {"format": FORMAT, "schema": SCHEMA, "lattice": lattice, "settings": model.settings, DIGEST: digest}
+    write_bytes(folder / "model.json", sealed_json(document, indent=1, sort_keys=True))
+    return len(content)
 
 
 def check_device(name: str) -> None:
@@ -123,11 +130,12 @@ def check_device(name: str) -> None:
 
 
 def load_model(folder: Path, device: str = "cpu") -> GraspModel:
-    """The model that `save_model` left in `folder`. Raises InputError if it is missing, cut off or not ours."""
+    """The model that `save_model` left in `folder`. Raises InputError if it is missing, damaged, edited or not ours."""
     document = _read_json(folder / "model.json")
     path = folder / "model.safetensors"
     if not path.is_file():
         raise InputError(f"{path}: expected the tensors of a model, found no such file")
+    _check_tensors(path, document.get(DIGEST))
     try:
         tensors = load_file(path, device=device)
     except (SafetensorError, OSError, ValueError, KeyError) as error:  # the latter: a type that torch has not
@@ -142,6 +150,18 @@ def load_model(folder: Path, device: str = "cpu") -> GraspModel:
     condensed = Condensed(*(tensors[name] for name in _TENSORS[2:]))
     calibration = Calibration(tensors["calibration"])
     return GraspModel(tensors["centres"], condensed, lattice, calibration, document["settings"])
+
+
+def _check_tensors(path: Path, digest: str | None) -> None:
+    """Raises InputError for tensors that are damaged, of another `model.json`, or with a header made to hurt."""
+    with existing(path).open("rb") as file:
+        length = int.from_bytes(file.read(8), "little")
+    if length > LARGEST_HEADER:
+        raise InputError(f"{path}: expected a safetensors file with a header of {LARGEST_HEADER} bytes, got {length}")
+    if digest is not None and digest == digest_of(path):
+        return
+    if check_seal(path, "the tensors of a model") or digest is not None:
+        raise InputError(f"{path}: expected the tensors that model.json beside it was written with, got others")
 
 
 def _check_shapes(path: Path, tensors: dict[str, Tensor], D: int) -> None:
@@ -186,7 +206,7 @@ def model_settings(folder: Path) -> dict[str, Any]:
 def _read_json(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"{path}: expected a model that train left (make train), found no such file")
-    document = json_values(path, "a JSON document")
+    document = json_values(path, "a model's JSON", sealed=True)
     found = (document.get("format"), document.get("schema")) if isinstance(document, dict) else type(document).__name__
     if found != (FORMAT, SCHEMA):
         raise InputError(f"{path}: expected format {FORMAT!r}, schema {SCHEMA}; got {found}")

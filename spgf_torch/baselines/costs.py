@@ -10,12 +10,12 @@ from statistics import median
 
 import numpy as np
 import torch
-from safetensors.torch import load_file
 
 from spgf_torch.affordance.calibration import Calibration
 from spgf_torch.baselines.config import BaselineConfig
 from spgf_torch.baselines.data import Data
 from spgf_torch.baselines.folds import MODEL, Judged, calibrated, scores
+from spgf_torch.baselines.kept import read_tensors
 from spgf_torch.baselines.pointnet import PointNet, judge
 from spgf_torch.cache import Cache
 from spgf_torch.datasets.config import SamplesConfig
@@ -36,7 +36,7 @@ def costs(
     first = min(judged)
     path = work / f"fold{first}" / MODEL
     network = PointNet(config.network, data.samples.radius, torch.Generator())
-    network.load_state_dict(load_file(path))
+    network.load_state_dict(read_tensors(path))
     network = network.to(data.samples.cloud.device).eval()
     calibration, _ = calibrated(data, judged[first], config.N)
     return {

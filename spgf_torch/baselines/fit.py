@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import logging
-import os
-import pickle
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,14 +11,16 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import torch
 from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
 from lightning.pytorch import Trainer
 from lightning.pytorch.callbacks import EarlyStopping, ModelCheckpoint
 from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
 from lightning.pytorch.plugins.environments import LightningEnvironment
 
+from spgf_torch.baselines.kept import AGAIN, read_checkpoint, write_checkpoint
 from spgf_torch.baselines.module import LOSS, GraspJudge
+from spgf_torch.reading import unreadable
+from spgf_torch.sealing import is_sealed
 
 LAST, BEST, LOGS, CSV = "last.ckpt", "best.ckpt", "logs", "csv"
 
@@ -36,11 +36,7 @@ class WholeCheckpoints(TorchCheckpointIO):
     """Checkpoints that are there as a whole or not at all, whenever the process is killed."""
 
     def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any | None = None) -> None:
-        part = f"{path}.part"
-        super().save_checkpoint(checkpoint, part, storage_options)
-        with Path(part).open("rb") as file:
-            os.fsync(file.fileno())
-        Path(part).replace(path)
+        write_checkpoint(Path(path), checkpoint)
 
 
 def has_tensorboard() -> bool:
@@ -59,14 +55,17 @@ def fit(make: Callable[[], GraspJudge], folder: Path) -> GraspJudge:
     """
     with _quiet():
         module = make()
-        resumed = _of_origin(folder / LAST, module.origin)
+        resumed = _of_origin(folder / LAST, module.origin) if (folder / BEST).is_file() else None
         if resumed is None or not _finished(resumed, module):
             trainer = _trainer(module, folder, resumed)
             trainer.fit(module, ckpt_path=folder / LAST if resumed else None, weights_only=True)
         else:
             module.seconds = float(resumed["seconds"])
-    best = torch.load(folder / BEST, map_location=module.task.samples.cloud.device, weights_only=True)
-    module.load_state_dict(best["state_dict"])
+    best = read_checkpoint(folder / BEST, module.task.samples.cloud.device)
+    try:
+        module.load_state_dict(best["state_dict"])
+    except (KeyError, TypeError, RuntimeError) as error:
+        raise unreadable(folder / BEST, "this network at its best epoch", error, f"another one; {AGAIN}") from None
     return module.to(module.task.samples.cloud.device).eval()
 
 
@@ -108,13 +107,10 @@ def _csv(folder: Path, resumed: dict[str, Any] | None) -> CSVLogger:
 
 
 def _of_origin(path: Path, origin: str) -> dict[str, Any] | None:
-    """The checkpoint, if it is there, whole, and of this origin."""
-    if not path.is_file():
+    """The checkpoint, if it is there, has its seal, and is of this origin; InputError for one that is damaged."""
+    if not path.is_file() or not is_sealed(path):
         return None
-    try:
-        found = torch.load(path, map_location="cpu", weights_only=True)
-    except (pickle.UnpicklingError, EOFError, RuntimeError):
-        return None
+    found = read_checkpoint(path)
     return found if isinstance(found, dict) and found.get("origin") == origin else None
 
 

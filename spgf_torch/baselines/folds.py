@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import load_file, save
 from torch import Tensor
 
 from spgf_torch.affordance.calibration import Calibration, fit_calibration, uncalibrated
@@ -16,11 +15,11 @@ from spgf_torch.affordance.ranking import COLLIDING
 from spgf_torch.baselines.config import BaselineConfig
 from spgf_torch.baselines.data import Data
 from spgf_torch.baselines.fit import BEST, LAST, fit
+from spgf_torch.baselines.kept import read_tensors, write_tensors
 from spgf_torch.baselines.module import GraspJudge, Task
 from spgf_torch.baselines.pointnet import PointNet, judge
 from spgf_torch.baselines.samples import Samples
 from spgf_torch.config import GRASP_TYPES, NESTED, InputError
-from spgf_torch.evaluation.files import write_bytes
 from spgf_torch.evaluation.folds import stratified_order
 from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.success import top_n
@@ -100,7 +99,7 @@ def run_fold(
             module, data.samples, [*(data.samples.rows([i]) for i in novel), *(data.taught[i] for i in inner)], folder
         )
         console.print(f"fold {test}: learned from {len(teach)} objects in {module.seconds:.0f} s")
-    kept = load_file(folder / JUDGED)
+    kept = read_tensors(folder / JUDGED, "logit", "seconds")
     sizes = [*(len(data.tried[i].success) for i in novel), *(len(data.taught[i]) for i in inner)]
     logits = dict(zip([*novel, *inner], kept["logit"].split(sizes), strict=True))
     kind, held = data.samples.grasp_type.cpu()[taught], data.samples.success.cpu()[taught].float()
@@ -124,8 +123,8 @@ def _keep(module: GraspJudge, samples: Samples, rows: Sequence[Tensor], folder: 
             f"learning.rate: expected one at which the network stays finite, got {module.task.learning.rate:g}"
         )
     state = {name: tensor.cpu().contiguous() for name, tensor in module.network.state_dict().items()}
-    write_bytes(folder / MODEL, save(state))
-    write_bytes(folder / JUDGED, save({"logit": logit, "seconds": torch.tensor(module.seconds, dtype=torch.float64)}))
+    write_tensors(folder / MODEL, state)
+    write_tensors(folder / JUDGED, {"logit": logit, "seconds": torch.tensor(module.seconds, dtype=torch.float64)})
     for name in (LAST, BEST):
         (folder / name).unlink(missing_ok=True)
 

@@ -13,13 +13,12 @@ from torch import Tensor
 
 from spgf_torch.baselines.config import BaselineConfig
 from spgf_torch.config import GRASP_TYPES, InputError, find, plain
-from spgf_torch.datasets.card import CARD
+from spgf_torch.datasets.card import CARD, check_files, read_card
 from spgf_torch.datasets.samples import Sample, read_samples, shard_name
 from spgf_torch.datasets.tar import check_whole
 from spgf_torch.experiment.tried import Tried
 from spgf_torch.exporting.checks import entry, number, whole
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.reading import json_values
 
 SAMPLES = Path("webdataset", "samples")
 HOW = "python -m spgf_torch.export format=webdataset"
@@ -62,7 +61,7 @@ def open_export(config: BaselineConfig, objects: Sequence[GraspObject], fold: np
     path = folder / CARD
     if not path.is_file():
         raise InputError(f"export: expected the folder of a data set ({HOW}), got {folder} without {CARD}")
-    card = json_values(path, "a dataset card")
+    card = read_card(folder)
     formats = entry(card, "formats", str(path))
     if not isinstance(formats, list) or "webdataset" not in formats:
         raise InputError(f"{path}: expected the format webdataset ({HOW}), got {formats!r:.80}")
@@ -77,7 +76,9 @@ def open_export(config: BaselineConfig, objects: Sequence[GraspObject], fold: np
 
 
 def shards_of(folder: Path, folds: int) -> list[Path]:
-    """The shards of all folds, in order, numbered without gaps. InputError where one is missing or cut off."""
+    """The shards of all folds, in order, numbered without gaps. InputError where one is missing, cut off or
+    damaged.
+    """
     paths = []
     for fold in range(folds):
         found = sorted(folder.glob(f"fold{fold}-*.tar"))
@@ -86,6 +87,7 @@ def shards_of(folder: Path, folds: int) -> list[Path]:
                 raise InputError(f"{folder / shard_name(fold, at)}: expected a shard of fold {fold}, got no such file")
             check_whole(path)
         paths += found
+    check_files(folder.parent.parent, paths)
     return paths
 
 

@@ -25,6 +25,7 @@ from spgf_torch.trials.table import OUTCOMES, TrialTable
 
 SCALE = 1.0  # the exported meshes are in metres
 LARGEST = 1_000_000_000  # bytes of one data set: eight million poses
+SMALL, RATIO = 1_000_000, 1100  # bytes; deflate packs no tighter
 LABEL = "object_in_gripper"
 MOTIONS = tuple(
     f"object_motion_during_{what}_{kind}" for what in ("closing", "shaking") for kind in ("linear", "angular")
@@ -114,7 +115,7 @@ def read_acronym(path: Path) -> AcronymFile:
     try:
         with h5py.File(path, "r") as file:
             known = _values(file)
-    except (OSError, RuntimeError, ValueError, AttributeError, TypeError) as error:
+    except (OSError, RuntimeError, ValueError, AttributeError, TypeError, MemoryError) as error:
         raise unreadable(path, what, error) from None
     count = len(known.transforms)
     columns = [known.object_in_gripper, *known.motions.values()]
@@ -151,8 +152,10 @@ def _read(file: h5py.File, name: str) -> Any:
         raise ValueError(f"nothing under {name}") from None
     if known.file.filename != file.filename or known.external or known.is_virtual:
         raise ValueError(f"{name} stands in another file")
-    if known.nbytes > LARGEST:
-        raise ValueError(f"{name} has {known.nbytes} bytes, more than {LARGEST}")
+    if known.nbytes > LARGEST or known.nbytes > SMALL + RATIO * known.id.get_storage_size():
+        raise ValueError(f"{name} has {known.nbytes} bytes, more than {LARGEST} or {RATIO} times what it takes")
+    if known.dtype.kind not in "biufS":
+        raise ValueError(f"{name} holds {str(known.dtype)[:40]}, not numbers or text of a fixed length")
     return known[()]
 
 

@@ -5,9 +5,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
+import stat
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -21,6 +20,7 @@ from spgf_torch.datasets.config import ExportConfig
 from spgf_torch.datasets.source import TrialSet
 from spgf_torch.exporting.checks import entry
 from spgf_torch.reading import json_values
+from spgf_torch.sealing import digest_of, sealed_json
 from spgf_torch.trials.table import OUTCOMES
 
 SCHEMA = 1
@@ -71,7 +71,7 @@ def card(trials: TrialSet, config: ExportConfig, formats: Sequence[str]) -> dict
 def write_card(folder: Path, known: dict[str, Any]) -> None:
     """README.md, then card.json with the checksum of every file in the folder."""
     (folder / README).write_text(readme(known))
-    (folder / CARD).write_text(json.dumps({**known, "files": checksums(folder)}, indent=1) + "\n")
+    (folder / CARD).write_bytes(sealed_json({**known, "files": checksums(folder)}, indent=1))
 
 
 def check_card(folder: Path) -> dict[str, Any]:
@@ -79,11 +79,8 @@ def check_card(folder: Path) -> dict[str, Any]:
 
     Raises InputError in one line for the first file that is missing, changed, or not on the card.
     """
-    path = folder / CARD
-    known = json_values(path, "a dataset card")
-    if (got := entry(known, "schema", str(path))) != SCHEMA:
-        raise InputError(f"{path}: expected schema {SCHEMA}, got {got!r:.40}")
-    listed, found = entry(known, "files", str(path)), checksums(folder)
+    known = read_card(folder)
+    listed, found = listed_in(folder), checksums(folder)
     for file in sorted({*listed, *found}):
         if listed.get(file) != found.get(file):
             got = "no such file" if file not in found else "another" if file in listed else "a file not on the card"
@@ -91,10 +88,47 @@ def check_card(folder: Path) -> dict[str, Any]:
     return known
 
 
+def read_card(folder: Path) -> dict[str, Any]:
+    """The card of a folder, held to its own digest. Raises InputError for another file, or one of another schema."""
+    path = folder / CARD
+    known = json_values(path, "a dataset card", sealed=True)
+    if (got := entry(known, "schema", str(path))) != SCHEMA or isinstance(got, bool):
+        raise InputError(f"{path}: expected schema {SCHEMA}, got {got!r:.40}")
+    return dict(known)
+
+
+def listed_in(folder: Path) -> dict[str, Any]:
+    """File -> its bytes and SHA-256, as the card of the folder lists them. Raises InputError where there is none."""
+    listed = entry(read_card(folder), "files", str(folder / CARD))
+    if not isinstance(listed, dict):
+        raise InputError(f"{folder / CARD}: files: expected names and checksums, got {listed!r:.40}")
+    return listed
+
+
+def check_files(folder: Path, paths: Iterable[Path]) -> None:
+    """Raises InputError in one line for the first of some files of a data set that is not as its card says."""
+    listed = listed_in(folder)
+    for path in paths:
+        if listed.get(path.relative_to(folder).as_posix()) != _checksum(path):
+            raise InputError(f"{path}: expected the file that {CARD} lists, got a damaged or another one")
+
+
 def checksums(folder: Path) -> dict[str, dict[str, Any]]:
-    """File -> its bytes and SHA-256, for every file but the card."""
-    paths = sorted(Path(parent, name) for parent, _, names in os.walk(folder) for name in names)
-    return {path.relative_to(folder).as_posix(): _checksum(path) for path in paths if path != folder / CARD}
+    """File -> its bytes and SHA-256, for every file but the card. Raises InputError for what is no file of its own."""
+    found = files_of(folder)
+    if odd := [name for name, path in found.items() if not stat.S_ISREG(path.lstat().st_mode)]:
+        raise InputError(f"{folder / odd[0]}: expected a file of a data set, got a link or something else")
+    return {name: _checksum(path) for name, path in found.items() if name != CARD}
+
+
+def files_of(folder: Path) -> dict[str, Path]:
+    """Everything in a folder but folders, by its path in it; links are not followed."""
+    found = {}
+    for parent, folders, names in os.walk(folder):
+        for path in (Path(parent, name) for name in [*names, *folders]):
+            if path.is_symlink() or not path.is_dir():
+                found[path.relative_to(folder).as_posix()] = path
+    return dict(sorted(found.items()))
 
 
 def rates(trials: TrialSet) -> dict[str, dict[str, dict[str, float]]]:
@@ -179,5 +213,4 @@ def _successes(trials: TrialSet) -> int:
 
 
 def _checksum(path: Path) -> dict[str, Any]:
-    with path.open("rb") as file:
-        return {"bytes": path.stat().st_size, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
+    return {"bytes": path.stat().st_size, "sha256": digest_of(path)}

@@ -19,7 +19,7 @@ from spgf_torch.datasets.source import TrialSet, gripper_frame
 from spgf_torch.exporting.checks import entry, joint_values, name, rigid
 from spgf_torch.exporting.records import Gripper
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.reading import json_values, text
+from spgf_torch.reading import json_values, text, xml_root
 from spgf_torch.trials.hand import Hand
 
 SCHEMA = 1
@@ -88,7 +88,7 @@ def write_hand(folder: Path, hand: Hand, gripper: Gripper) -> None:
     So the grasps are poses of a link that any program can load. Mesh files beside the URDF are copied.
     """
     folder.mkdir(exist_ok=True)
-    robot = ElementTree.fromstring(hand.urdf.read_bytes())
+    robot = xml_root(hand.urdf.read_bytes(), hand.urdf, "a URDF of a hand")
     T = np.linalg.inv(gripper.T_base_tcp @ gripper_frame(gripper))
     turn = Rotation.from_matrix(T[:3, :3]).as_euler("xyz")
     link = ElementTree.Element("link", name=gripper.name)

@@ -1,11 +1,10 @@
-"""Writing an experiment's files: each is there as a whole or not at all."""
+"""Writing an experiment's files: each is there as a whole or not at all, and what is read again carries a digest."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,8 +17,12 @@ from spgf_torch.config import GRASP_TYPES, RANKINGS
 from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.results import object_rates
 from spgf_torch.evaluation.success import TYPES
+from spgf_torch.sealing import BLANK, KEY, digest_of, sealed, sealed_json
+from spgf_torch.writing import write_bytes, write_text
 
 DIGITS = 6
+RESULTS, FILES = "results.json", "files"
+UNSEALED = ("config.yaml", "per_object.csv")
 POSE = ("px", "py", "pz", "qw", "qx", "qy", "qz")
 
 
@@ -28,19 +31,10 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
     write_text(path, json.dumps(_rounded(content), indent=1) + "\n")
 
 
-def write_text(path: Path, content: str) -> None:
-    """Write to a temporary name, flush to disk, rename."""
-    write_bytes(path, content.encode())
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write to a temporary name, flush to disk, rename."""
-    part = path.with_name(path.name + ".part")
-    with part.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    part.replace(path)
+def write_results(folder: Path, content: Mapping[str, Any]) -> None:
+    """`results.json` of a run, the last of its files: sealed, with the digests of those that have no room for one."""
+    digests = {name: digest_of(folder / name) for name in UNSEALED if (folder / name).is_file()}
+    write_bytes(folder / RESULTS, sealed_json(_rounded({**content, FILES: digests}), indent=1))
 
 
 def write_per_object(path: Path, objects: Sequence[Novel], n: int) -> None:
@@ -80,8 +74,8 @@ def write_predictions(path: Path, objects: Sequence[Novel]) -> None:
     poses = np.concatenate([o.pose for o in objects]).astype(np.float32)
     columns |= {name: poses[:, i] for i, name in enumerate(POSE)}
     sink = io.BytesIO()
-    pq.write_table(pa.table(columns), sink, compression="zstd")
-    write_bytes(path, sink.getvalue())
+    pq.write_table(pa.table(columns).replace_schema_metadata({KEY: BLANK}), sink, compression="zstd")
+    write_bytes(path, sealed(sink.getvalue()))
 
 
 def _rounded(value: Any) -> Any:

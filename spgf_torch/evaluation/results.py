@@ -62,7 +62,7 @@ def build_results(objects: Sequence[Novel], config: TrainConfig, dataset: str) -
         "K": config.K,
         "N": config.N,
         "seed": config.seed,
-        "folds": config.folds,
+        "folds": len({o.fold for o in objects}),  # fewer than asked for where there are fewer objects
         "ranking": config.ranking,
         "success_rate": by_ranking[config.ranking],
         "interval95": intervals[config.ranking],
@@ -101,8 +101,11 @@ def read_results(path: Path) -> dict[str, Any]:
     """The content of a `results.json` of `train`. Raises InputError where it is missing or not one."""
     if not path.is_file():
         raise InputError(f"{path}: expected the results of a run of train, got no such file")
-    content = json_values(path, "the results of a run of train (interrupted?) as JSON")
+    content = json_values(path, "the results of a run of train (interrupted?) as JSON", sealed=True)
     schema = content.get("schema") if isinstance(content, dict) else None
-    if schema != SCHEMA or not set(CLASSES) & set(content.get("success_rate", {})):
-        raise InputError(f"{path}: expected results of schema {SCHEMA}, got schema {schema}")
+    rates = content.get("success_rate") if isinstance(content, dict) else None
+    if schema != SCHEMA or isinstance(schema, bool):
+        raise InputError(f"{path}: expected results of schema {SCHEMA}, got schema {str(schema)[:40]}")
+    if not isinstance(rates, dict) or not set(CLASSES) & set(rates):
+        raise InputError(f"{path}: success_rate: expected rates of {', '.join(CLASSES)}; got {str(rates)[:40]}")
     return content

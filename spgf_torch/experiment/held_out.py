@@ -6,7 +6,6 @@ and its digest.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,9 @@ from spgf_torch.affordance.model import GraspModel, load_model, save_model
 from spgf_torch.config import InputError
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.reading import json_values
+from spgf_torch.sealing import KEY as SEAL
+from spgf_torch.sealing import sealed_json
+from spgf_torch.writing import write_bytes
 
 FOLDER, LIST = "fold_models", "objects.json"
 
@@ -44,7 +46,7 @@ def save_fold_models(
         folder.mkdir(parents=True)
         save_model(model, folder)
     about = {obj.name: {"fold": fold, "digest": obj.digest} for obj, fold in zip(objects, folds, strict=True)}
-    (run / FOLDER / LIST).write_text(json.dumps(about, indent=1, sort_keys=True) + "\n")
+    write_bytes(run / FOLDER / LIST, sealed_json(about, indent=1, sort_keys=True))
 
 
 def load_fold_models(run: Path, device: str = "cpu") -> FoldModels:
@@ -55,10 +57,8 @@ def load_fold_models(run: Path, device: str = "cpu") -> FoldModels:
             f"{path}: expected the models of cross-validation (train fold_models=true leaves them), found no such file"
         )
     try:
-        novel = {
-            name: (int(row["fold"]), str(row["digest"]))
-            for name, row in json_values(path, "the folds of objects").items()
-        }
+        listed = json_values(path, "the folds of objects", sealed=True)
+        novel = {name: (int(row["fold"]), str(row["digest"])) for name, row in listed.items() if name != SEAL}
     except (KeyError, TypeError, ValueError, AttributeError):
         raise InputError(f"{path}: expected fold and digest of each object, got something else") from None
     folds = sorted({fold for fold, _ in novel.values()})

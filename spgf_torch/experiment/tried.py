@@ -61,7 +61,7 @@ def _made_with(path: Path) -> tuple[int, int]:
     """How many candidates of each type, and the seed, of the trials that `simulate` left beside this file."""
     if not path.is_file():
         raise InputError(f"{path}: expected the settings of a trial table (python -m spgf_torch.simulate), got no file")
-    settings = yaml_values(path, "the keys candidates and seed")
+    settings = yaml_values(path, "the keys candidates and seed", sealed=True)
     try:
         return int(settings["candidates"]), int(settings["seed"])
     except (KeyError, TypeError, ValueError, OverflowError):

@@ -13,20 +13,19 @@ from typing import Any
 import numpy as np
 
 from spgf_torch.config import InputError
+from spgf_torch.reading import text
 
 TOLERANCE = 1e-4  # of a rotation matrix's orthonormality and of a quaternion's length: float32 gives 1e-6
+LARGEST = 64_000_000  # bytes of a file of grasps: a hundred thousand in JSON
 LONGEST = 200  # characters of a name
 _NAME = re.compile(r"[\w/][\w/.: -]*", re.ASCII)
 
 
-def content(path: Path, what: str) -> str:
-    """The UTF-8 text of a file that should be `what`."""
+def content(path: Path, what: str, largest: int = LARGEST) -> str:
+    """The UTF-8 text of a file that should be `what`, of `largest` bytes at most."""
     if not path.is_file():
         raise InputError(f"{path}: expected {what}, got {'a folder' if path.is_dir() else 'no such file'}")
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: expected {what}, got {_line(error)}") from None
+    return text(path, what, largest)
 
 
 def entry(values: Any, key: str, where: str) -> Any:
@@ -105,13 +104,3 @@ def name(value: Any, where: str) -> str:
     if not isinstance(value, str) or len(value) > LONGEST or ".." in value or not _NAME.fullmatch(value):
         raise InputError(f"{where}: expected a name of letters, digits and _ / . : -, got {reprlib.repr(value)}")
     return value
-
-
-def unreadable(path: Path, what: str, error: Exception) -> InputError:
-    """The error for a file that a parser gave up on."""
-    return InputError(f"{path}: expected {what}, got {_line(error)}")
-
-
-def _line(error: Exception) -> str:
-    words = " ".join(str(error).split()) or type(error).__name__
-    return words if len(words) <= LONGEST else words[:LONGEST] + " ..."

@@ -19,11 +19,13 @@ from typing import Any
 import numpy as np
 
 from spgf_torch.config import InputError
-from spgf_torch.evaluation.files import write_bytes, write_text
-from spgf_torch.exporting.checks import content, entries, entry, joint_values, name, rotation, unreadable
+from spgf_torch.exporting.checks import content, entries, entry, joint_values, name, rotation
 from spgf_torch.exporting.records import Grasp, Gripper, gripper_for
+from spgf_torch.reading import json_of, npy_array
+from spgf_torch.writing import write_bytes, write_text
 
 COLUMNS = 17
+MOST_ROWS = 1_000_000
 NO_OBJECT = -1  # graspnetAPI's own default of an object id
 SCHEMA = 1
 # Columns: graspnetAPI's axes in our gripper's frame (EXPORTS.md): approach (0, 0, 1), closing (1, 0, 0), (0, 1, 0).
@@ -91,23 +93,16 @@ def read_graspnet(path: Path) -> list[GraspnetGrasp]:
     what = f"an array of N x {COLUMNS} numbers"
     if not path.is_file():
         raise InputError(f"{path}: expected {what}, got {'a folder' if path.is_dir() else 'no such file'}")
-    try:
-        rows = np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
-    except Exception as error:  # numpy lets through what the parser of the header raises
-        raise unreadable(path, what, error) from None
-    if not isinstance(rows, np.ndarray) or rows.ndim != 2 or rows.shape[1] != COLUMNS or rows.dtype.kind != "f":
-        got = f"{rows.dtype} {rows.shape}" if isinstance(rows, np.ndarray) else "an archive"
-        raise InputError(f"{path}: expected {what}, got {got}")
+    rows = npy_array(path)
+    if rows.ndim != 2 or rows.shape[1] != COLUMNS or rows.dtype.kind != "f" or len(rows) > MOST_ROWS:
+        raise InputError(f"{path}: expected {what}, {MOST_ROWS} at most, got {str(rows.dtype)[:40]} {rows.shape}")
     return [_grasp(row, f"{path}: row {i}") for i, row in enumerate(rows.astype(np.float64))]
 
 
 def read_joints(path: Path) -> list[GraspJoints]:
     """The hands of the rows, from the JSON file that `joints_path` names. Raises InputError in one line."""
     what = f"the joints of grasps, schema {SCHEMA}"
-    try:
-        known = json.loads(content(path, what))
-    except (ValueError, RecursionError) as error:
-        raise unreadable(path, what, error) from None
+    known = json_of(content(path, what), path, what)
     if (got := entry(known, "schema", str(path))) != SCHEMA:
         raise InputError(f"{path}: expected schema {SCHEMA}, got {got!r:.40}")
     rows = entries(entry(known, "rows", str(path)), f"{path}: rows")

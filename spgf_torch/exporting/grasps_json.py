@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from spgf_torch.config import GRASP_TYPES, InputError
-from spgf_torch.evaluation.files import write_text
 from spgf_torch.exporting.checks import (
     content,
     entries,
@@ -19,10 +18,11 @@ from spgf_torch.exporting.checks import (
     joint_values,
     number,
     rigid,
-    unreadable,
     whole,
 )
 from spgf_torch.exporting.records import Grasp, Gripper, gripper_for
+from spgf_torch.reading import json_of
+from spgf_torch.writing import write_text
 
 SCHEMA = 1
 
@@ -46,10 +46,7 @@ def read_grasps(path: Path) -> list[Grasp]:
     is not rigid, a number that is not finite, a type that does not exist.
     """
     what = f"grasps of schema {SCHEMA}"
-    try:
-        known = json.loads(content(path, what))
-    except (ValueError, RecursionError) as error:
-        raise unreadable(path, what, error) from None
+    known = json_of(content(path, what), path, what)
     for key, wanted in (("schema", SCHEMA), ("frame", "input")):
         if (got := entry(known, key, str(path))) != wanted:
             raise InputError(f"{path}: expected {key} {wanted}, got {got!r:.40}")

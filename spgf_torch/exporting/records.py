@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from xml.etree import ElementTree
 
 import numpy as np
 import trimesh
 
 from spgf_torch.config import InputError
 from spgf_torch.exporting.checks import number, rigid, whole
+from spgf_torch.reading import xml_root
 from spgf_torch.trials.hand import Hand, Kinematics
 
 
@@ -79,7 +79,7 @@ def grippers_of(hand: Hand) -> dict[str, Gripper]:
     kinematics = Kinematics(hand.urdf, urdf, hand.config)
     narrowest = min(kinematics.opening(limit) for limit in kinematics.limits)
     closed = kinematics.preshape(max(narrowest, 0.0)).joints
-    joints = ElementTree.fromstring(urdf).iter("joint")
+    joints = xml_root(urdf, hand.urdf, "a URDF of a hand").iter("joint")
     mimics = {joint.get("name") for joint in joints if joint.find("mimic") is not None}
     grippers = {}
     for kind, preshape in hand.preshapes.items():

@@ -13,13 +13,13 @@ import numpy as np
 import trimesh
 from matplotlib.colors import to_hex
 
-from spgf_torch.evaluation.files import write_bytes, write_text
 from spgf_torch.exporting.records import Grasp, Gripper, gripper_for
 from spgf_torch.exporting.scene import CORNERS, Eye, Scene, pieces, scene_of
 from spgf_torch.exporting.scene_picture import scene_picture
 from spgf_torch.exporting.table import direction, voters
 from spgf_torch.reporting.page import Section, caption, drawn, page, png, table
 from spgf_torch.reporting.style import SUCCESS_SCALE
+from spgf_torch.writing import write_bytes, write_text
 
 Trace = dict[str, Any]
 DIGITS = 1  # of coordinates in mm

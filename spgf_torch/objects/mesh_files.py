@@ -14,10 +14,13 @@ import trimesh
 
 from spgf_torch.config import InputError
 from spgf_torch.objects.ply import read_elements, read_header
-from spgf_torch.reading import LARGEST_JSON, existing, json_of, unreadable
+from spgf_torch.reading import DEEPEST, LARGEST_JSON, existing, json_of, unreadable
 
 # A scene may show one mesh many times over: a file of a megabyte could stand for billions of triangles.
 MOST_FACES = 20_000_000
+MOST_COPIES = 1_000_000  # vertices and corners of what a GLB shows beyond the bytes that it has
+MOST_PARTS = 20_000  # nodes, primitives
+MOST_COUNT = 1e15
 
 
 def mesh_arrays(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -138,8 +141,58 @@ def _check_glb(path: Path) -> None:
         if length > min(size, LARGEST_JSON):
             raise InputError(f"{path}: expected a .glb mesh with at most {LARGEST_JSON} bytes of JSON, got {length}")
         header = json_of(stream.read(length), path, "a .glb mesh")
-    accessors = header.get("accessors", []) if isinstance(header, dict) else []
-    counts = [a.get("count") for a in accessors if isinstance(a, dict)] if isinstance(accessors, list) else []
-    total = sum(count for count in counts if isinstance(count, int | float))
-    if total > size:
-        raise InputError(f"{path}: expected accessors that its {size} bytes can hold, got {total:g} elements")
+    _check_elements(path, size, header)
+
+
+def _check_elements(path: Path, size: int, header: Any) -> None:
+    """InputError for a scene that becomes much larger than its file: its primitives may share what they are made of,
+    its nodes their meshes.
+    """
+    counts = [_whole(a.get("count")) for a in _listed(header, "accessors")]
+    if sum(counts) > size:
+        raise InputError(f"{path}: expected accessors that its {size} bytes can hold, got {sum(counts)} elements")
+    meshes, nodes = _listed(header, "meshes"), _listed(header, "nodes")
+    primitives = [_listed(mesh, "primitives") for mesh in meshes]
+    parts = sum(map(len, primitives))
+    if len(nodes) > MOST_PARTS or parts > MOST_PARTS:
+        raise InputError(f"{path}: expected at most {MOST_PARTS} nodes and primitives, got {len(nodes)} and {parts}")
+    each = [sum(_elements(primitive, counts) for primitive in of_mesh) for of_mesh in primitives]
+    shown = sum(each[at] for node in nodes if 0 <= (at := _whole(node.get("mesh"), -1)) < len(each))
+    if (total := max(shown, sum(each))) > size + MOST_COPIES:
+        raise InputError(
+            f"{path}: expected meshes of at most {size + MOST_COPIES} elements, however often each is used, got {total}"
+        )
+    if _levels(nodes) > DEEPEST:
+        raise InputError(f"{path}: expected nodes in at most {DEEPEST} levels, got more")
+
+
+def _elements(primitive: dict[str, Any], counts: list[int]) -> int:
+    """Vertices and corners that a primitive asks for."""
+    attributes = primitive.get("attributes")
+    asked = [*attributes.values()] if isinstance(attributes, dict) else []
+    known = [_whole(at, -1) for at in [*asked, primitive.get("indices")]]
+    return sum(counts[at] for at in known if 0 <= at < len(counts))
+
+
+def _levels(nodes: list[dict[str, Any]]) -> int:
+    """How deep nodes stand within each other, as far as it is bounded; more where they stand in a ring."""
+    below = [[_whole(at, -1) for at in _list(node.get("children"))] for node in nodes]
+    level, depth = set(range(len(nodes))), 0
+    while level and depth <= DEEPEST:
+        level, depth = {at for i in level for at in below[i] if 0 <= at < len(nodes)}, depth + 1
+    return depth
+
+
+def _listed(values: Any, key: str) -> list[dict[str, Any]]:
+    """The mappings in a list of the header."""
+    listed = _list(values.get(key)) if isinstance(values, dict) else []
+    return [part if isinstance(part, dict) else {} for part in listed]
+
+
+def _list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []
+
+
+def _whole(value: Any, otherwise: int = 0) -> int:
+    """A count or an index; damaged ones are left to the parser."""
+    return int(value) if isinstance(value, int | float) and abs(value) < MOST_COUNT else otherwise

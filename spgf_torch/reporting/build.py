@@ -9,7 +9,6 @@ from typing import TypeVar
 
 from spgf_torch.affordance.model import load_model
 from spgf_torch.config import GRASP_TYPES, InputError, ReportConfig, find
-from spgf_torch.evaluation.files import write_bytes
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
 from spgf_torch.progress import Stages
@@ -22,6 +21,7 @@ from spgf_torch.reporting.rate_parts import ablation_part, choice_part, headline
 from spgf_torch.reporting.runs import Notes, Run
 from spgf_torch.reporting.sweep import find_sweep
 from spgf_torch.reporting.table1 import Group, table1
+from spgf_torch.writing import write_bytes
 
 T = TypeVar("T")
 
@@ -59,6 +59,7 @@ def _rates(context: Context, groups: list[Group], stages: Stages) -> list[Part]:
                 lambda: choice_part(context),
                 lambda: over_k(context),
             ],
+            context,
             advance,
         )
 
@@ -70,7 +71,7 @@ def _grasps_and_model(context: Context, stages: Stages) -> list[Part]:
     prototypes = _usable(context, lambda: _prototypes(context))
     steps = [*_model_steps(context, prototypes, library), *_grasp_steps(context, objects, library)]
     with stages.stage("figures", len(steps), "figures") as advance:
-        return _made(steps, advance)
+        return _made(steps, context, advance)
 
 
 def _model_steps(
@@ -98,10 +99,11 @@ def _grasp_steps(
     ]
 
 
-def _made(steps: Sequence[Callable[[], Part]], advance: Callable[[int], None]) -> list[Part]:
+def _made(steps: Sequence[Callable[[], Part]], context: Context, advance: Callable[[int], None]) -> list[Part]:
     parts = []
     for step in steps:
-        parts.append(step())
+        if (part := _usable(context, step)) is not None:
+            parts.append(part)
         advance(1)
     return parts
 

@@ -11,8 +11,11 @@ import pyarrow as pa
 
 from spgf_torch.config import CLASSES, GRASP_TYPES, InputError
 from spgf_torch.evaluation.success import TYPES, of_type
-from spgf_torch.reading import parquet_table
+from spgf_torch.exporting.checks import name as checked_name
+from spgf_torch.parquet import parquet_table
+from spgf_torch.reading import existing, reason
 from spgf_torch.reporting.runs import Run
+from spgf_torch.sealing import check_seal
 
 NESTED = "nested"
 MOST_ROWS = 20_000_000  # of an experiment: a hundred objects with 100,000 candidates of each type
@@ -68,11 +71,12 @@ def read_predictions(run: Run, ranking: str) -> list[Candidates]:
     path = run.folder / "predictions.parquet"
     if not path.is_file():
         raise InputError(f"{path}: expected the predictions of a run, got no such file")
+    check_seal(existing(path), "the predictions of a run")
     table = parquet_table(path, "the predictions of a run", None, MOST_ROWS)
     try:
         objects = _by_object({name: _array(table[name]) for name in table.column_names})
-    except (KeyError, ValueError, TypeError, pa.ArrowException) as error:
-        raise InputError(f"{path}: expected the columns of predictions, got others ({error})") from None
+    except (KeyError, ValueError, TypeError, InputError, OverflowError, pa.ArrowException) as error:
+        raise InputError(f"{path}: expected the columns of predictions, got others ({reason(error)})") from None
     for candidates in objects:
         wanted = run.chosen.get(candidates.fold, NESTED) if ranking == NESTED else ranking
         if wanted not in candidates.scores:
@@ -154,6 +158,8 @@ def rotations(wxyz: np.ndarray) -> np.ndarray:
 
 
 def _array(column: pa.ChunkedArray) -> np.ndarray:
+    if column.null_count:
+        raise ValueError("a value in every row, not nulls")
     if pa.types.is_dictionary(column.type):
         column = column.cast(column.type.value_type)
     return column.to_numpy()
@@ -175,9 +181,19 @@ def _candidates(columns: Mapping[str, np.ndarray], rows: slice) -> Candidates:
         grasp_type[columns["type"][rows] == kind] = code
     if (grasp_type < 0).any():
         raise ValueError("unknown grasp type")
+    if (category := str(columns["class"][rows.start])) not in CLASSES:
+        raise ValueError(f"unknown class {category}")
+    for name in ("probability_before", "probability"):
+        if not ((columns[name][rows] >= 0) & (columns[name][rows] <= 1)).all():
+            raise ValueError(f"{name} from 0 to 1, not others")
+    pose = np.column_stack([columns[name][rows] for name in POSE])
+    if not np.isfinite(pose).all() or not np.linalg.norm(pose[:, 3:], axis=1).all():
+        raise ValueError("finite poses, not others")
+    if any(np.isnan(values[rows]).any() for name, values in columns.items() if name.startswith("score_")):
+        raise ValueError("scores that are numbers, not NaN")
     return Candidates(
-        name=str(columns["object"][rows.start]),
-        category=str(columns["class"][rows.start]),
+        name=checked_name(str(columns["object"][rows.start]), "object"),
+        category=category,
         fold=int(columns["fold"][rows.start]),
         grasp_type=grasp_type,
         success=columns["success"][rows].astype(bool),
@@ -186,5 +202,5 @@ def _candidates(columns: Mapping[str, np.ndarray], rows: slice) -> Candidates:
         scores={name[6:]: values[rows] for name, values in columns.items() if name.startswith("score_")},
         probability_before=columns["probability_before"][rows],
         probability=columns["probability"][rows],
-        pose=np.column_stack([columns[name][rows] for name in POSE]),
+        pose=pose,
     )

@@ -10,11 +10,15 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from spgf_torch.config import CLASSES, InputError, find
+from spgf_torch.config import CLASSES, GRASP_TYPES, InputError, find, one_line
+from spgf_torch.evaluation.files import FILES
 from spgf_torch.evaluation.results import read_results
 from spgf_torch.evaluation.success import TYPES, Rates
+from spgf_torch.exporting.checks import name as checked_name
+from spgf_torch.exporting.checks import number
 from spgf_torch.progress import console
-from spgf_torch.reading import yaml_values
+from spgf_torch.reading import existing, yaml_values
+from spgf_torch.sealing import digest_of
 
 Block = dict[str, Rates]  # class (and "all") -> type -> rate
 Bounds = dict[str, dict[str, tuple[float, float]]]  # class -> type -> (low, high)
@@ -30,12 +34,14 @@ class Notes:
     lines: list[str] = field(default_factory=list)
 
     def __call__(self, line: str) -> None:
-        self.lines.append(line)
-        console.print(f"report: {line}")
+        self.lines.append(one_line(line))  # names of folders and files may hold anything
+        console.print(f"report: {self.lines[-1]}")
 
 
 # What the report needs of a run's settings; the learned baseline's have no features.
 _PICTURED = {"objects": str, "sensing": dict, "features": dict, "hand.openings": dict}
+WIDEST = 1.0  # m between the fingers of a hand
+MOST = 2**53  # of counts and seeds: beyond it JSON's numbers are not exact
 
 
 @dataclass(frozen=True)
@@ -46,6 +52,7 @@ class Run:
         stamp: when it was started, as text that sorts by time.
         settings: its `config.yaml`.
         dataset: digest over its objects and trials; None of runs that are too old to say.
+        digests: file name -> SHA-256 of files that have no room for one; empty of older runs.
         by_ranking, interval95: ranking -> rates as fractions, and their 95 % intervals.
         chosen: fold -> the ranking that nested cross-validation chose there; empty of older runs.
         calibration: grasp type -> Brier score and expected calibration error, before and after; empty of older runs.
@@ -65,6 +72,7 @@ class Run:
     ceiling: Block
     chosen: dict[int, str]
     calibration: dict[str, dict[str, float]]
+    digests: dict[str, str] = field(default_factory=dict)
 
     @property
     def has_model(self) -> bool:
@@ -108,26 +116,33 @@ def read_run(folder: Path) -> Run:
     """One run. Raises InputError where it was interrupted or a file of it is damaged."""
     if not (folder / "results.json").is_file():
         raise InputError(f"{folder}: expected results.json, got an interrupted run")
-    results, settings = read_results(folder / "results.json"), _settings(folder / "config.yaml")
+    results = read_results(folder / "results.json")
     try:
+        digests = {str(name): str(digest) for name, digest in results.get(FILES, {}).items()}
+        settings = _settings(_as_written(folder / "config.yaml", digests))
         _check_rates(results)
+        _check_spent(results)
         return Run(
             folder=folder,
             stamp=_stamp(folder),
             settings=settings,
-            K=int(results["K"]),
-            N=int(results["N"]),
-            seed=int(results["seed"]),
+            K=_count(results, "K"),
+            N=_count(results, "N"),
+            seed=_count(results, "seed"),
             dataset=results.get("dataset"),
             by_ranking={name: _block(block) for name, block in results["by_ranking"].items()},
             interval95={name: _bounds(block) for name, block in results["interval95_by_ranking"].items()},
             random=_block(results["random"]),
             random_collision_free=_block(results["random_collision_free"]),
             ceiling=_block(results["ceiling"]),
-            chosen={int(fold): str(name) for fold, name in results.get("chosen", {}).items()},
+            chosen={int(fold): checked_name(of, "chosen") for fold, of in results.get("chosen", {}).items()},
             calibration={kind: _numbers(values) for kind, values in results.get("calibration", {}).items()},
+            digests=digests,
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except InputError as error:
+        told = str(error)
+        raise InputError(told if told.startswith(str(folder)) else f"{folder / 'results.json'}: {told}") from None
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise InputError(f"{folder / 'results.json'}: expected the results of train, got {_told(error)}") from None
 
 
@@ -136,9 +151,12 @@ def read_per_object(run: Run) -> list[ObjectRow]:
     path = run.folder / "per_object.csv"
     if not path.is_file():
         raise InputError(f"{path}: expected the rates of each object, got no such file")
+    _as_written(path, run.digests)
     try:
         with path.open(newline="") as file:
             rows = [_object_row(row, run.by_ranking) for row in csv.DictReader(file)]
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     except (KeyError, TypeError, ValueError, csv.Error) as error:
         raise InputError(f"{path}: expected the rates of each object, got {_told(error)}") from None
     if not rows:
@@ -200,6 +218,8 @@ def _check_pictured(run: Run) -> None:
             words = "text" if kind is str else "settings"
             got = str(told.get(key, "none"))[:60]
             raise InputError(f"{run.folder / 'config.yaml'}: {key}: expected {words}, got {got}")
+    for name in GRASP_TYPES:
+        number(told["hand.openings"].get(name), f"{run.folder / 'config.yaml'}: hand.openings.{name}", 0.0, WIDEST)
 
 
 def _stamp(folder: Path) -> str:
@@ -209,8 +229,22 @@ def _stamp(folder: Path) -> str:
     return found[0] if found else datetime.fromtimestamp(written).strftime("%Y-%m-%d_%H-%M-%S.%f")
 
 
+def _as_written(path: Path, digests: Mapping[str, str]) -> Path:
+    """`path`. Raises InputError where it is not the file of which the results hold the digest."""
+    if path.name in digests and digest_of(existing(path)) != digests[path.name]:
+        raise InputError(f"{path}: expected the file that results.json was written with, got a damaged or edited one")
+    return path
+
+
+def _count(results: Mapping[str, Any], key: str) -> int:
+    value = results[key]
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MOST:
+        raise InputError(f"{key}: expected a whole number from 0 to {MOST}, got {str(value)[:40]}")
+    return value
+
+
 def _block(content: Mapping[str, Mapping[str, float]]) -> Block:
-    block = {name: _numbers(content[name]) for name in (*CLASSES, "all") if name in content}
+    block = {name: _rates(content[name], name) for name in (*CLASSES, "all") if name in content}
     if "all" not in block:
         raise ValueError('rates without "all"')
     return block
@@ -219,7 +253,11 @@ def _block(content: Mapping[str, Mapping[str, float]]) -> Block:
 def _check_rates(results: Mapping[str, Any]) -> None:
     """Raises ValueError where a ranking lacks a rate or an interval of a class that occurs."""
     rates, intervals = results["by_ranking"], results["interval95_by_ranking"]
+    for key, kinds in (("random", GRASP_TYPES), ("random_collision_free", GRASP_TYPES), ("ceiling", TYPES)):
+        if missing := [name for block in rates.values() for name in block if {*kinds} - {*results[key].get(name, ())}]:
+            raise ValueError(f"no {key} of {str(missing[0])[:40]}")
     for ranking, block in rates.items():
+        checked_name(ranking, "by_ranking")
         for name, kind in ((name, kind) for name in block for kind in TYPES):
             if kind not in block[name] or len(intervals.get(ranking, {}).get(name, {}).get(kind, ())) != 2:
                 raise ValueError(f"no {kind} of {name} by the ranking {ranking}")
@@ -227,21 +265,38 @@ def _check_rates(results: Mapping[str, Any]) -> None:
 
 def _bounds(content: Mapping[str, Mapping[str, Sequence[float]]]) -> Bounds:
     return {
-        name: {kind: (float(low), float(high)) for kind, (low, high) in content[name].items()}
+        name: {kind: (_rate(low, name), _rate(high, name)) for kind, (low, high) in content[name].items()}
         for name in (*CLASSES, "all")
         if name in content
     }
 
 
+def _check_spent(results: Mapping[str, Any]) -> None:
+    """InputError unless what a run took is told in finite numbers from 0, where it is told."""
+    for key in ("seconds", "costs", "from_cache"):
+        for name, value in results.get(key, {}).items():
+            number(value, f"{key}.{name}", 0.0)
+
+
 def _numbers(content: Mapping[str, float]) -> dict[str, float]:
-    return {key: float(value) for key, value in content.items()}
+    return {key: number(value, str(key)) for key, value in content.items()}
+
+
+def _rates(content: Mapping[str, float], where: str) -> dict[str, float]:
+    return {key: _rate(value, f"{where}.{key}") for key, value in content.items()}
+
+
+def _rate(value: Any, where: str) -> float:
+    return number(value, where, 0.0, 1.0)
 
 
 def _object_row(row: Mapping[str, str], rankings: Mapping[str, Block]) -> ObjectRow:
     rates = {name: {kind: float(row[f"{name}_{kind}"]) for kind in TYPES} for name in rankings}
+    if odd := [f"{rate:g}" for of in rates.values() for rate in of.values() if not 0 <= rate <= 1]:
+        raise ValueError(f"a rate of {odd[0]}")
     if row["class"] not in CLASSES:
         raise ValueError(f"class {row['class']}")
-    return ObjectRow(row["object"], row["class"], int(row["fold"]), rates)
+    return ObjectRow(checked_name(row["object"], "object"), row["class"], int(row["fold"]), rates)
 
 
 def _told(error: Exception) -> str:

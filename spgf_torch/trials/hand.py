@@ -21,8 +21,9 @@ from scipy.spatial import QhullError
 
 from spgf_torch.config import GRASP_TYPES, FingerConfig, HandConfig, InputError, find, plain, typed
 from spgf_torch.objects.mesh_files import mesh_arrays
-from spgf_torch.reading import unreadable
+from spgf_torch.reading import LARGEST_XML, unreadable, xml_root
 
+TURN, WIDEST = 360.0, 1.0  # degrees of a joint, metres between fingers
 TOUCHING = 1e-9  # m between pads that count as one point; what is left of an opening of 0 is rounding
 
 
@@ -72,6 +73,14 @@ def load_hand(config: HandConfig) -> Hand:
     path = find(config.urdf).resolve()  # workers may stand in another folder
     if not path.is_file():
         raise InputError(f"hand.urdf: expected a URDF file, got {config.urdf}")
+    if (size := path.stat().st_size) > LARGEST_XML:
+        raise InputError(f"{path}: expected a URDF of a hand of at most {LARGEST_XML} bytes, got {size}")
+    for name, angle in config.fixed_deg.items():
+        if not abs(angle) <= TURN:
+            raise InputError(f"hand.fixed_deg.{name}: expected degrees from -{TURN:g} to {TURN:g}, got {angle:g}")
+    for name, opening in config.openings.items():
+        if not 0 <= opening <= WIDEST:
+            raise InputError(f"hand.openings.{name}: expected metres from 0 to {WIDEST:g}, got {opening:g}")
     return _load(path, path.read_bytes(), json.dumps(plain(config), sort_keys=True))
 
 
@@ -96,6 +105,7 @@ class Kinematics:
         import pytorch_kinematics as pk  # 4 s to import, and only needed where a hand is loaded
         import torch
 
+        xml_root(urdf, path, "a URDF of a hand")
         try:
             self.chain = pk.build_chain_from_urdf(urdf).to(dtype=torch.float64)
             self.robot = pk.urdf.URDF.from_xml_string(urdf)

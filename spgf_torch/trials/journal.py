@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import fcntl
 import json
-import os
 import shutil
 import time
 import zlib
@@ -19,15 +18,16 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 from spgf_torch.cache import fingerprint
 from spgf_torch.config import GRASP_TYPES, InputError
+from spgf_torch.reading import json_values
+from spgf_torch.sealing import sealed_json
 from spgf_torch.trials.table import OUTCOMES, Origin, compare
+from spgf_torch.writing import parts_in, sync, write_bytes
 
 SCHEMA = 1
 SHARDS = "shards"
-PARTIAL = ".part"
 EVERY = 2.0  # s between two manifests at least: a run of thousands of objects has a large one
 
 
@@ -108,7 +108,7 @@ class Journal:
             folder.mkdir(parents=True, exist_ok=True)
             sync(folder.parent)
         path = folder / f"{first:08d}-{first + len(outcomes):08d}.json"
-        write_whole(path, json.dumps({**content, "checksum": _checksum(content)}).encode())
+        write_bytes(path, json.dumps({**content, "checksum": _checksum(content)}).encode())
 
     def note(self, origin: Origin, state: str, trials: int, reason: str = "", failures: Sequence[Any] = ()) -> None:
         """Where an object stands: `open`, `done` or `failed`, how many trials have an outcome, and what went wrong."""
@@ -144,7 +144,7 @@ class Journal:
             "incidents": self.incidents,
             "objects": dict(sorted(self.objects.items())),
         }
-        write_whole(self.path, (json.dumps(content, indent=1) + "\n").encode())
+        write_bytes(self.path, sealed_json(content, indent=1))
 
     def _begin(self, origins: Sequence[Origin]) -> None:
         before = self._read_manifest()
@@ -162,15 +162,17 @@ class Journal:
                     f"{self.path}: expected trials made with {name} {self.made_with['versions'][name]}, got {got}"
                 )
             self.objects = before["objects"]
-        for left in (*self.folder.glob(f"*{PARTIAL}"), *(self.folder / SHARDS).glob(f"*/.*{PARTIAL}")):
-            if self.shard == (1, 1) or left.parent.name in {o.object_name for o in origins}:
-                left.unlink(missing_ok=True)
+        own = {o.object_name for o in origins}
+        for folder in (self.folder, *(entry for entry in (self.folder / SHARDS).iterdir() if entry.is_dir())):
+            if self.shard == (1, 1) or folder.name in own:
+                for left in parts_in(folder):
+                    left.unlink(missing_ok=True)
 
     def _read_manifest(self) -> dict[str, Any]:
         if not self.path.is_file():
             return {}
         try:
-            content = json.loads(self.path.read_bytes())
+            content = json_values(self.path, "a manifest of simulate", sealed=True)
             Origin("", "", **{key: value for key, value in content["made_with"].items() if key != "versions"})
             if content["schema"] != SCHEMA or not all(entry["trials"] >= 0 for entry in content["objects"].values()):
                 raise ValueError(f"schema {content['schema']}")
@@ -220,29 +222,6 @@ class Journal:
 def rows_of(origin: Origin) -> int:
     """How many rows the table of an object has."""
     return origin.candidates * len(GRASP_TYPES)
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write to a temporary name, flush to disk, rename, flush the folder's entry."""
-    part = path.with_name(f".{path.name}-{uuid4().hex}{PARTIAL}")
-    try:
-        with part.open("xb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
-    sync(path.parent)
-
-
-def sync(folder: Path) -> None:
-    """Flush a folder's entries to disk: a renamed file is there after a power cut as well."""
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def _read_shard(path: Path) -> dict[str, Any] | None:

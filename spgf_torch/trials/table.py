@@ -6,8 +6,8 @@ T_object_tcp (float32). The file's metadata hold everything that the outcomes de
 
 from __future__ import annotations
 
+import io
 import json
-import os
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -23,7 +23,11 @@ from torch import Tensor
 
 from spgf_torch.config import GRASP_TYPES, InputError
 from spgf_torch.geometry import se3
-from spgf_torch.reading import json_of, parquet_table, unreadable
+from spgf_torch.parquet import parquet_table
+from spgf_torch.reading import existing, json_of, unreadable
+from spgf_torch.sealing import BLANK, check_seal, sealed
+from spgf_torch.sealing import KEY as SEAL
+from spgf_torch.writing import write_bytes
 
 SCHEMA = 1
 OUTCOMES = ("success", "collision", "missed", "dropped", "slipped", "rotated")
@@ -107,7 +111,7 @@ def table_path(folder: Path, object_name: str) -> Path:
 
 
 def write_table(path: Path, table: TrialTable) -> None:
-    """Write `table` at once or not at all: to a temporary name, flushed to disk, then renamed."""
+    """Write `table` with its seal, at once or not at all."""
     columns: dict[str, Any] = {
         "index": np.arange(len(table), dtype=np.int32),
         "type": _words(table.grasp_type, GRASP_TYPES),
@@ -116,25 +120,21 @@ def write_table(path: Path, table: TrialTable) -> None:
         "outcome": _words(table.outcome, OUTCOMES),
     }
     about = {"schema": SCHEMA, "origin": asdict(table.origin), "versions": table.versions}
-    content = pa.table(columns).replace_schema_metadata({KEY: json.dumps(about, sort_keys=True)})
-    part = path.with_name(path.name + ".part")
-    try:
-        with part.open("wb") as file:
-            pq.write_table(content, file, compression="zstd")
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    content = pa.table(columns).replace_schema_metadata({KEY: json.dumps(about, sort_keys=True), SEAL: BLANK})
+    sink = io.BytesIO()
+    pq.write_table(content, sink, compression="zstd")
+    write_bytes(path, sealed(sink.getvalue()))
 
 
 def read_table(path: Path) -> TrialTable:
     """The table in one file.
 
-    Raises InputError for a file that is missing, truncated, or not a trial table of this schema.
+    Raises InputError for a file that is missing, truncated, changed since it was written (`sealing`), or not a trial
+    table of this schema.
     """
     if not path.is_file():
         raise InputError(f"{path}: expected a trial table, got no such file (make it: python -m spgf_torch.simulate)")
+    check_seal(existing(path), "a trial table")
     content = parquet_table(path, "a trial table", COLUMNS, MOST_ROWS)
     try:
         return _decoded(path, content)

@@ -117,6 +117,31 @@ def test_other_checkpoints_are_begun_anew(change: str, data: Data, tmp_path: Pat
     assert all(torch.equal(again.novel[i], whole.novel[i]) for i in whole.novel)
 
 
+@pytest.mark.parametrize("file", [fitting.LAST, fitting.BEST, JUDGED])
+def test_a_damaged_file_of_a_fold_is_refused(
+    file: str, data: Data, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One bit of what a call left that was cut off behind its last epoch, or was finished."""
+    folder = tmp_path / "fold"
+    if file != JUDGED:
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr("spgf_torch.baselines.folds._keep", cut_off)
+            run_fold(data, config(), 0, folder, "origin", nothing)
+    else:
+        run_fold(data, config(), 0, folder, "origin", nothing)
+    content = bytearray((folder / file).read_bytes())
+    content[len(content) // 2] ^= 1
+    (folder / file).write_bytes(content)
+    with pytest.raises(InputError, match=f"{file}: expected .*remove it, and its fold is learned again"):
+        run_fold(data, config(), 0, folder, "origin", nothing)
+    (folder / file).unlink()
+    run_fold(data, config(), 0, folder, "origin", nothing)
+
+
+def cut_off(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
 def test_it_stops_early(data: Data, tmp_path: Path) -> None:
     """At a rate of 1 the loss does not fall: two epochs after the best one it is over."""
     told = []

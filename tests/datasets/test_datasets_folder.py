@@ -1,5 +1,7 @@
 """A data set is there as a whole or not at all, whatever happens."""
 
+import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,11 +11,23 @@ from small_trials import refusal
 
 from spgf_torch.config import InputError
 from spgf_torch.datasets import folder
+from spgf_torch.datasets.card import CARD, checksums
 from spgf_torch.datasets.folder import check_out, replacing
+from spgf_torch.sealing import sealed_json
 
 
 def contents(path: Path) -> dict[str, str]:
-    return {str(file.relative_to(path)): file.read_text() for file in path.rglob("*") if file.is_file()}
+    """File -> text, without cards."""
+    files = [file for file in path.rglob("*") if file.is_file() and file.name != CARD]
+    return {str(file.relative_to(path)): file.read_text() for file in files}
+
+
+def exported(out: Path, name: str = "old") -> Path:
+    """A folder as an export leaves it, with one file that holds its own name."""
+    out.mkdir()
+    (out / name).write_text(name)
+    (out / CARD).write_bytes(sealed_json({"schema": 1, "files": checksums(out)}))
+    return out
 
 
 def test_a_new_folder(tmp_path: Path) -> None:
@@ -26,8 +40,7 @@ def test_a_new_folder(tmp_path: Path) -> None:
 
 
 def test_an_old_folder_is_exchanged_in_one_step(tmp_path: Path) -> None:
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out/old").write_text("old")
+    exported(tmp_path / "out")
     with replacing(tmp_path / "out") as part:
         (part / "new").write_text("new")
         assert contents(tmp_path / "out") == {"old": "old"}
@@ -35,8 +48,7 @@ def test_an_old_folder_is_exchanged_in_one_step(tmp_path: Path) -> None:
 
 
 def test_what_fails_leaves_the_old_one(tmp_path: Path) -> None:
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out/old").write_text("old")
+    exported(tmp_path / "out")
     with pytest.raises(KeyboardInterrupt), replacing(tmp_path / "out") as part:
         (part / "new").write_text("half")
         raise KeyboardInterrupt
@@ -45,15 +57,17 @@ def test_what_fails_leaves_the_old_one(tmp_path: Path) -> None:
 
 KILLED = """
 import os, pathlib, signal, sys
-from spgf_torch.datasets import folder
+from spgf_torch.datasets import card, folder
+from spgf_torch.sealing import sealed_json
 out, when = pathlib.Path(sys.argv[1]), sys.argv[2]
 kill = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
 if when == "flushing": folder._flush = kill
 if when == "exchanged":
     exchange = folder._exchange
-    folder._exchange = lambda part, out: (exchange(part, out), kill())
+    folder._exchange = lambda *paths: (exchange(*paths), kill())
 with folder.replacing(out) as part:
     (part / "new").write_text("new")
+    (part / card.CARD).write_bytes(sealed_json({"schema": 1, "files": card.checksums(part)}))
     if when == "writing": kill()
 """
 
@@ -62,9 +76,7 @@ with folder.replacing(out) as part:
 def test_a_killed_export_leaves_the_old_one_or_the_new_one(
     when: str, left: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "old").write_text("old")
+    out = exported(tmp_path / "out")
     done = subprocess.run([sys.executable, "-c", KILLED, str(out), when])
     assert done.returncode == -9 and contents(out) == {left: left}
     capfd.readouterr()
@@ -92,8 +104,7 @@ def test_a_full_disk_is_one_line(tmp_path: Path) -> None:
 
 def test_a_file_system_that_cannot_exchange(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Then nothing is replaced: two renames would leave a moment without either."""
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out/old").write_text("old")
+    exported(tmp_path / "out")
     monkeypatch.setattr(folder, "RENAME_EXCHANGE", 1 << 20)  # a flag that no file system knows
     with pytest.raises(InputError, match="exchange"), replacing(tmp_path / "out") as part:
         (part / "new").write_text("new")
@@ -104,7 +115,8 @@ def test_what_may_be_written_to(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     check_out(tmp_path / "out", False, [])
     check_out(tmp_path / "none", False, [])
-    (tmp_path / "out/file").write_text("")
+    (tmp_path / "out").rmdir()
+    exported(tmp_path / "out", "file")
     with pytest.raises(InputError, match="overwrite=true"):
         check_out(tmp_path / "out", False, [])
     check_out(tmp_path / "out", True, [tmp_path / "elsewhere"])
@@ -114,3 +126,94 @@ def test_what_may_be_written_to(tmp_path: Path) -> None:
         check_out(tmp_path / "out/file", True, [])
     with pytest.raises(InputError, match="can be written"), replacing(tmp_path / "out/file/x"):
         pass
+
+
+@pytest.fixture
+def victim(tmp_path: Path) -> Path:
+    """A folder that no export may touch, and what is in it."""
+    (tmp_path / "victim").mkdir()
+    (tmp_path / "victim/precious").write_text("x")
+    return tmp_path / "victim"
+
+
+def test_links_in_the_way_are_left_as_they_are(tmp_path: Path, victim: Path) -> None:
+    (tmp_path / "shared").mkdir()
+    for name in (".out.part", ".spgf-export-" + "0" * 32):
+        (tmp_path / "shared" / name).symlink_to(victim)
+    with replacing(tmp_path / "shared/out") as part:
+        (part / "new").write_text("new")
+    assert contents(victim) == {"precious": "x"} and contents(tmp_path / "shared/out") == {"new": "new"}
+    assert len(list((tmp_path / "shared").iterdir())) == 3
+    (tmp_path / "link").symlink_to(victim)
+    for call in (lambda: check_out(tmp_path / "link", True, []), lambda: replacing(tmp_path / "link").__enter__()):
+        with pytest.raises(InputError, match=r"link|export made"):
+            call()
+    assert contents(victim) == {"precious": "x"}
+
+
+def marked(left: Path, out: str, kind: str, victim: Path) -> None:
+    """A hidden folder that looks as if an export had left it."""
+    left.mkdir()
+    (left / "mine").write_text("mine")
+    own = json.dumps([out, left.stat().st_dev, left.stat().st_ino])
+    if kind == "of another folder":
+        own = json.dumps([out, left.stat().st_dev, victim.stat().st_ino])
+    if kind == "of another place":
+        own = own.replace(out, "other")
+    (victim / "marker").write_text(own)
+    if kind == "a link":
+        (left / folder.MARKER).symlink_to(victim / "marker")
+    elif kind == "a hard link":
+        (left / folder.MARKER).hardlink_to(victim / "marker")
+    elif kind == "a folder":
+        (left / folder.MARKER).mkdir()
+    elif kind == "a pipe":
+        os.mkfifo(left / folder.MARKER)
+    elif kind != "none":
+        (left / folder.MARKER).write_text(own if kind.startswith("of") else kind)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["none", "of another folder", "of another place", "a link", "a hard link", "a folder", "a pipe", "[", "null"],
+)
+def test_what_only_looks_left_over_stays(kind: str, tmp_path: Path, victim: Path) -> None:
+    left = tmp_path / (".spgf-export-" + "a" * 32)
+    marked(left, "out", kind, victim)
+    with replacing(tmp_path / "out") as part:
+        (part / "new").write_text("new")
+    assert (left / "mine").read_text() == "mine" and (victim / "precious").read_text() == "x"
+
+
+@pytest.mark.parametrize("other", ["file", "link", "link to a folder", "in a folder", "pipe"])
+def test_a_folder_with_more_than_an_export_made_stays(other: str, tmp_path: Path, victim: Path) -> None:
+    out = exported(tmp_path / "out")
+    if other == "in a folder":
+        (out / "notes").mkdir()
+        (out / "notes/mine").write_text("mine")
+    elif other == "file":
+        (out / "mine").write_text("mine")
+    elif other == "pipe":
+        os.mkfifo(out / "pipe")
+    else:
+        (out / "link").symlink_to(victim / "precious" if other == "link" else victim)
+    before = sorted(tmp_path.rglob("*"))
+    for call in (lambda: check_out(out, True, []), lambda: replacing(out).__enter__()):
+        with pytest.raises(InputError, match="move it elsewhere"):
+            call()
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_what_is_put_there_meanwhile_stays(tmp_path: Path) -> None:
+    for first in (True, False):
+        out = tmp_path / f"out{first}"
+        if first:
+            exported(out)
+        with pytest.raises(InputError, match="can be written"), replacing(out) as part:
+            (part / "new").write_text("new")
+            if first:
+                out.rename(tmp_path / "away")
+            out.mkdir()
+            (out / "mine").write_text("mine")
+        assert contents(out) == {"mine": "mine"}
+    assert contents(tmp_path / "away") == {"old": "old"}

@@ -205,11 +205,11 @@ def test_pickles_and_archives_stay_closed(tmp_path: Path) -> None:
     path.write_bytes(pickle.dumps(rows()))
     refused("grasps.npy", path)
     np.save(path, np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    refused("grasps.npy", path, "allow_pickle")
+    refused("grasps.npy", path, "Python objects")
     archive = io.BytesIO()
     np.savez(archive, rows())
     path.write_bytes(archive.getvalue())
-    refused("grasps.npy", path, "archive")
+    refused("grasps.npy", path, "numpy")
 
 
 def test_a_header_that_promises_more_than_there_is(tmp_path: Path) -> None:

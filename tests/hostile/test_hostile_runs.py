@@ -7,14 +7,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
 sys.path.append(str(Path(__file__).parents[1] / "reporting"))
-from report_runs import write_run
+from report_runs import rewritten, write_run
 
 from spgf_torch.config import InputError
-from spgf_torch.reporting.runs import load_runs, read_per_object
+from spgf_torch.reporting.predictions import read_predictions
+from spgf_torch.reporting.runs import Notes, load_runs, read_per_object
+from spgf_torch.sealing import KEY, sealed_json
 
 Change = Callable[[Any], Any]
 
@@ -64,6 +69,65 @@ RESULTS: dict[str, Change] = {
     "random not there": without("random"),
     "chosen by name": put({"first": "log_odds"}, "chosen"),
     "calibration in words": put({"NPG": {"slope": "steep"}}, "calibration"),
+    "K of infinity": put(float("inf"), "K"),
+    "K of NaN": put(float("nan"), "K"),
+    "K null": put(None, "K"),
+    "K true": put(True, "K"),
+    "K a fraction": put(20.5, "K"),
+    "K below 0": put(-1, "K"),
+    "K of 400 digits": put(10**400, "K"),
+    "N of infinity": put(float("-inf"), "N"),
+    "N a word": put("10", "N"),
+    "N null": put(None, "N"),
+    "seed of infinity": put(float("inf"), "seed"),
+    "schema true": put(True, "schema"),
+    "schema null": put(None, "schema"),
+    "success_rate null": put(None, "success_rate"),
+    "success_rate a number": put(0.5, "success_rate"),
+    "success_rate a list": put([], "success_rate"),
+    "success_rate of no class": put({}, "success_rate"),
+    "a rate of NaN": put(float("nan"), "by_ranking", "log_odds", "all", "NPG"),
+    "a rate of infinity": put(float("inf"), "by_ranking", "log_odds", "all", "CG"),
+    "a rate above 1": put(1.5, "by_ranking", "log_odds", "all", "NPG"),
+    "a rate below 0": put(-0.5, "by_ranking", "log_odds", "all", "NPG"),
+    "a rate null": put(None, "by_ranking", "log_odds", "all", "NPG"),
+    "a rate true": put(True, "by_ranking", "log_odds", "all", "NPG"),
+    "a rate of 400 digits": put(10**400, "by_ranking", "log_odds", "all", "NPG"),
+    "a rate a list": put([0.5], "by_ranking", "log_odds", "all", "NPG"),
+    "an interval of NaN": put([float("nan")] * 2, "interval95_by_ranking", "log_odds", "all", "NPG"),
+    "an interval of three": put([0.1, 0.2, 0.3], "interval95_by_ranking", "log_odds", "all", "NPG"),
+    "an interval null": put(None, "interval95_by_ranking", "log_odds", "all", "NPG"),
+    "intervals null": put(None, "interval95_by_ranking"),
+    "rankings null": put(None, "by_ranking"),
+    "a ranking with an escape": lambda document: {
+        **document,
+        **{
+            key: {**document[key], "\x1b[2J": document[key]["log_odds"]}
+            for key in ("by_ranking", "interval95_by_ranking")
+        },
+    },
+    "random null": put(None, "random"),
+    "random of NaN": put(float("nan"), "random", "all", "NPG"),
+    "random without a class": without("random", "all"),
+    "random without a type": without("random", "all", "NPG"),
+    "ceiling null": put(None, "ceiling"),
+    "ceiling of infinity": put(float("inf"), "ceiling", "all", "NPG"),
+    "ceiling without a type": without("ceiling", "all", "CG"),
+    "chosen null": put(None, "chosen"),
+    "chosen a list": put(["log_odds"], "chosen"),
+    "chosen with an escape": put({"0": "\x1b]0;title\x07"}, "chosen"),
+    "chosen a number": put({"0": 3}, "chosen"),
+    "calibration null": put(None, "calibration"),
+    "calibration of NaN": put({"NPG": {"ece": float("nan")}}, "calibration"),
+    "seconds null": put(None, "seconds"),
+    "seconds of infinity": put({"voting": float("inf")}, "seconds"),
+    "seconds in words": put({"voting": "long"}, "seconds"),
+    "costs a list": put([1], "costs"),
+    "costs below 0": put({"model_bytes": -5}, "costs"),
+    "from_cache in words": put({"features": "all"}, "from_cache"),
+    "files null": put(None, "files"),
+    "files in a list": put(["config.yaml"], "files"),
+    "files of another digest": put({"per_object.csv": "0" * 64, "config.yaml": "x"}, "files"),
 }
 SETTINGS: dict[str, Change] = {
     "a list": lambda document: [document],
@@ -76,6 +140,21 @@ SETTINGS: dict[str, Change] = {
     "objects a number": put(5, "objects"),
     "no sensing": without("sensing"),
     "features a word": put("spgf", "features"),
+    "objects null": put(None, "objects"),
+    "hand null": put(None, "hand"),
+    "openings null": put(None, "hand", "openings"),
+    "an opening in words": put("wide", "hand", "openings", "NPG"),
+    "an opening of NaN": put(float("nan"), "hand", "openings", "NPG"),
+    "an opening of infinity": put(float("inf"), "hand", "openings", "WPG"),
+    "an opening not there": without("hand", "openings", "WPG"),
+    "an opening null": put(None, "hand", "openings", "WPG"),
+    "an opening true": put(True, "hand", "openings", "WPG"),
+    "an opening of a kilometre": put(1000.0, "hand", "openings", "WPG"),
+    "an opening below 0": put(-0.1, "hand", "openings", "WPG"),
+    "an opening a list": put([0.1], "hand", "openings", "WPG"),
+    "sensing null": put(None, "sensing"),
+    "sensing a list": put([], "sensing"),
+    "features null": put(None, "features"),
 }
 RAW = {
     "empty": b"",
@@ -113,16 +192,23 @@ def left_out(run: Path, file: str) -> str:
 
 @pytest.mark.parametrize("name", RESULTS)
 def test_damaged_results(run: Path, name: str) -> None:
+    """With a digest that is right, so that the values themselves are refused."""
     path = run / "results.json"
-    path.write_text(json.dumps(RESULTS[name](json.loads(path.read_text()))))
-    left_out(run, "results.json")
+    document = json.loads(path.read_text())
+    del document[KEY]
+    document = RESULTS[name](document)
+    path.write_bytes(sealed_json(document) if isinstance(document, dict) else json.dumps(document).encode())
+    line = left_out(run, "config.yaml" if name == "files of another digest" else "results.json")
+    assert "SHA-256" not in line
 
 
 @pytest.mark.parametrize("name", SETTINGS)
 def test_damaged_settings(run: Path, name: str) -> None:
     path = run / "config.yaml"
     path.write_text(yaml.safe_dump(SETTINGS[name](yaml.safe_load(path.read_text()))))
-    left_out(run, "config.yaml")
+    assert "written with" in left_out(run, "config.yaml")
+    rewritten(run, lambda content: None)
+    assert "written with" not in left_out(run, "config.yaml")
 
 
 @pytest.mark.parametrize("file", ["results.json", "config.yaml"])
@@ -149,3 +235,67 @@ def test_damaged_rates_of_objects(run: Path, content: bytes) -> None:
         read_per_object(loaded)
     line = str(refused.value)
     assert "per_object.csv" in line and "expected" in line and "got" in line and "\n" not in line and len(line) < 500
+
+
+def column(name: str, value: object, rows: slice = slice(3, 4)) -> Callable[[pa.Table], pa.Table]:
+    """The predictions with another value in some rows of a column."""
+
+    def change(table: pa.Table) -> pa.Table:
+        values = np.array(table[name].to_pylist(), dtype=object)
+        values[rows] = value
+        return table.set_column(table.column_names.index(name), name, pa.array(list(values)))
+
+    return change
+
+
+EVERY = slice(None)
+PREDICTIONS: dict[str, Callable[[pa.Table], pa.Table]] = {
+    "an escape in an object": column("object", "\x1b[2Jmug", EVERY),
+    "an object of two lines": column("object", "mu\ng", EVERY),
+    "an object that climbs": column("object", "../../mug", EVERY),
+    "an object of markup": column("object", "<script>", EVERY),
+    "an object null": column("object", None, EVERY),
+    "an unknown class": column("class", "bowls", EVERY),
+    "an escape in a class": column("class", "\x1b]0;a\x07", EVERY),
+    "an unknown type": column("type", "ABC"),
+    "a probability of NaN": column("probability", float("nan")),
+    "a probability above 1": column("probability", 1.5),
+    "a probability below 0": column("probability_before", -0.5),
+    "a probability null": column("probability", None),
+    "a position of infinity": column("px", float("inf")),
+    "a position of NaN": column("pz", float("nan")),
+    "quaternions of 0": lambda table: column("qw", 0.0)(column("qx", 0.0)(column("qy", 0.0)(column("qz", 0.0)(table)))),
+    "a score of NaN": column("score_log_odds", float("nan")),
+    "no scores": lambda table: table.drop_columns([n for n in table.column_names if n.startswith("score_")]),
+    "no votes": lambda table: table.drop_columns("votes"),
+    "no row": lambda table: table.slice(0, 0),
+    "a hundred columns": lambda table: pa.table({f"c{i}": [0] for i in range(100)}),
+    "positions in words": column("px", "far", EVERY),
+    "folds in words": column("fold", "first", EVERY),
+    "folds null": column("fold", None, EVERY),
+}
+
+
+@pytest.mark.parametrize("name", PREDICTIONS)
+def test_damaged_predictions(run: Path, name: str) -> None:
+    (loaded,) = load_runs(str(run), lambda line: None)
+    path = run / "predictions.parquet"
+    read_predictions(loaded, "log_odds")
+    pq.write_table(PREDICTIONS[name](pq.read_table(path)).replace_schema_metadata(None), path)
+    with pytest.raises(InputError) as refused:
+        read_predictions(loaded, "log_odds")
+    line = str(refused.value)
+    assert line.startswith(str(path)) and "expected" in line and line.isprintable() and len(line) < 600, line
+
+
+def test_damaged_runs_do_not_end_a_report(whole: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each is told in a line without a control character; the others are reported on."""
+    for number, change in enumerate(RESULTS.values()):
+        run = Path(shutil.copytree(whole, tmp_path / f"runs/\x1b[2J{number}"))
+        document = change(json.loads((run / "results.json").read_text()))
+        (run / "results.json").write_text(json.dumps(document))
+    shutil.copytree(whole, tmp_path / "runs" / whole.name)
+    notes = Notes()
+    (loaded,) = load_runs(str(tmp_path / "runs"), notes, pictured=True)
+    assert loaded.folder.name == whole.name and len(notes.lines) == len(RESULTS)
+    assert all(line.isprintable() for line in [*notes.lines, *capsys.readouterr().err.splitlines()])

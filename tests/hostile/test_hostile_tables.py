@@ -17,6 +17,7 @@ from safetensors.torch import save_file
 
 from spgf_torch.affordance.calibration import TERMS
 from spgf_torch.config import HandConfig, settings
+from spgf_torch.sealing import BLANK
 from spgf_torch.trials.hand import load_hand
 from spgf_torch.trials.table import KEY
 
@@ -227,6 +228,12 @@ TENSORS: list[tuple[str, Write, str]] = [
     ("a header of a trillion bytes", header(b"{}", 10**12), "safetensors"),
     ("a header of brackets", header(b"[" * 100_000), "safetensors"),
     ("a header that is none", header(b"hello"), "safetensors"),
+    ("a header of two megabytes", header(b"{" + b" " * 2_000_000 + b"}"), "header"),
+    ("a header of 200,000 tensors", header(json.dumps({f"t{i}": {} for i in range(200_000)}).encode()), "header"),
+    ("a header longer than the file", header(b"{}", 900_000), "safetensors"),
+    ("a length alone", raw((8).to_bytes(8, "little")), "safetensors"),
+    ("a mark of a seal", lambda path: save_file(tensors(), path, {"seal": "spgf-sha256"}), "damaged"),
+    ("the seal of another file", lambda path: save_file(tensors(), path, {"seal": BLANK.decode()}), "damaged"),
     ("a tensor of a trillion numbers", header(entry(shape=[10**12], offsets=[0, 4 * 10**12])), "safetensors"),
     ("offsets below 0", header(entry(offsets=[-4, 0])), "safetensors"),
     ("offsets outside", header(entry(offsets=[100, 104])), "safetensors"),
@@ -289,6 +296,9 @@ SETTINGS: list[tuple[str, Write, str]] = [
     ("a radius of NaN", room("features", radius=float("nan")), "radius"),
     ("the environment", room("hand", name="${oc.env:HOME}"), "plain"),
     ("a room of a number", document(lambda m: m["settings"].update(sensing=3)), "sensing"),
+    ("the seal of another file", document(lambda m: {**m, "seal": BLANK.decode()}), "damaged"),
+    ("the digest of other tensors", document(lambda m: {**m, "tensors_sha256": "0" * 64}), ""),
+    ("a digest of a number", document(lambda m: {**m, "tensors_sha256": 7}), ""),
     ("fingers of words", room("hand", fingers=["a", "b"]), "fingers"),
 ]
 FILES = [("model.safetensors", *listed) for listed in TENSORS] + [("model.json", *listed) for listed in SETTINGS]
@@ -347,6 +357,9 @@ HANDS: list[tuple[str, Write, str]] = [
     ("a mesh of a package", swapped(MESH, '<mesh filename="package://arm/palm.stl"/>'), "palm.stl"),
     ("a mesh on the net", swapped(MESH, '<mesh filename="https://example.com/palm.stl"/>'), "palm.stl"),
     ("a mesh that is torn", swapped(MESH, '<mesh filename="torn.stl"/>'), "torn.stl"),
+    ("a document type", raw(HAND.replace("<robot", "<!DOCTYPE robot><robot", 1)), "document type"),
+    ("17 MB", raw(HAND + " " * 17_000_000), "bytes"),
+    ("a hundred levels", raw("<robot name='a'>" + "<a>" * 100 + "</a>" * 100 + "</robot>"), "levels"),
     ("a mesh that is flat", swapped(MESH, '<mesh filename="flat.obj"/>'), "flat.obj"),
 ]  # fmt: skip
 
@@ -363,3 +376,25 @@ def test_hands(case: Case, own_folder: Path, capsys: pytest.CaptureFixture) -> N
     values = OmegaConf.to_container(OmegaConf.load(ROOT / "conf/hand/panda.yaml"))
     config = settings(HandConfig, **{**values, "urdf": str(own_folder / "hand/hand.urdf")})
     told("simulate", lambda: load_hand(config), (*case.words, "expected", "got"), capsys)
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"urdf": "hand\0.urdf"}, "zero"),
+        ({"urdf": "../../../etc/passwd"}, "URDF"),
+        ({"urdf": "/dev/zero"}, "URDF"),
+        ({"urdf": "."}, "URDF"),
+        ({"urdf": "a" * 5000}, "name"),
+        ({"fixed_deg": {"panda_finger_joint1": 1e300}}, "degrees"),
+        ({"fixed_deg": {"panda_finger_joint1": -361.0}}, "degrees"),
+        ({"openings": {"NPG": 1e300, "WPG": 0.08}}, "metres"),
+        ({"openings": {"NPG": -0.01, "WPG": 0.08}}, "metres"),
+    ],
+)
+def test_settings_of_a_hand(changes: dict[str, Any], word: str, capsys: pytest.CaptureFixture) -> None:
+    from omegaconf import OmegaConf
+
+    values = OmegaConf.to_container(OmegaConf.load(ROOT / "conf/hand/panda.yaml"))
+    config = settings(HandConfig, **{**values, **changes})
+    told("simulate", lambda: load_hand(config), (word, "expected", "got"), capsys)

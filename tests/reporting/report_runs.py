@@ -1,6 +1,7 @@
 """Tiny runs of `train` for the tests of the report: three objects, twenty candidates of each type, known outcomes."""
 
 import json
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -15,9 +16,10 @@ from spgf_torch.affordance.model import GraspModel, save_model
 from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.cli import slug
 from spgf_torch.config import RANKINGS, TrainConfig, plain, typed
-from spgf_torch.evaluation.files import write_json, write_per_object, write_predictions
+from spgf_torch.evaluation.files import FILES, RESULTS, write_per_object, write_predictions, write_results
 from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.results import build_results
+from spgf_torch.sealing import KEY
 
 ROOT = Path(__file__).parents[2]
 OBJECTS = {"mug_coffee": "containers", "box_tea": "boxes", "egg": "curved"}
@@ -104,15 +106,20 @@ def write_run(
     objects = novel_objects(skill, seed + K)
     write_per_object(folder / "per_object.csv", objects, config.N)
     write_predictions(folder / "predictions.parquet", objects)
-    write_json(folder / "results.json", {**build_results(objects, config, dataset), "seconds": {"total": 1.0}})
+    write_results(folder, {**build_results(objects, config, dataset), "seconds": {"total": 1.0}})
     if model:
         save_model(tiny_model(K, config), folder)
     return folder
 
 
+def rewritten(folder: Path, change: Callable[[dict], object]) -> None:
+    """A run's results changed, with the digests that belong to them."""
+    content = json.loads((folder / RESULTS).read_text())
+    content.pop(KEY), content.pop(FILES)
+    change(content)
+    write_results(folder, content)
+
+
 def without_ranking(folder: Path, ranking: str) -> None:
     """Take a ranking out of a run's results, as in runs that are older than it."""
-    content = json.loads((folder / "results.json").read_text())
-    for block in ("by_ranking", "interval95_by_ranking"):
-        content[block].pop(ranking)
-    (folder / "results.json").write_text(json.dumps(content))
+    rewritten(folder, lambda content: [content[key].pop(ranking) for key in ("by_ranking", "interval95_by_ranking")])

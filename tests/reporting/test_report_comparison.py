@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +11,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from PIL import Image
-from report_runs import ROOT, defaults, without_ranking, write_run
+from report_runs import ROOT, defaults, rewritten, without_ranking, write_run
 
 from spgf_torch.compare import run as door
 from spgf_torch.config import CompareConfig, InputError, TrainConfig, typed
@@ -166,9 +165,8 @@ def test_the_verdict_follows_from_the_intervals() -> None:
 
 
 def spend(folder: Path, seconds: dict[str, float], from_cache: dict[str, int], **costs: float) -> None:
-    results = json.loads((folder / "results.json").read_text())
-    results |= {"seconds": seconds, "from_cache": from_cache} | ({"costs": costs} if costs else {})
-    (folder / "results.json").write_text(json.dumps(results))
+    more = {"seconds": seconds, "from_cache": from_cache} | ({"costs": costs} if costs else {})
+    rewritten(folder, lambda results: results.update(more))
 
 
 def test_costs_are_of_the_run_that_made_what_others_read(runs: Path) -> None:

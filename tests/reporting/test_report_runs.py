@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import pytest
-from report_runs import without_ranking, write_run
+from report_runs import rewritten, without_ranking, write_run
 
 from spgf_torch.config import InputError, ReportConfig
 from spgf_torch.reporting.context import choose
-from spgf_torch.reporting.runs import load_runs, read_per_object
+from spgf_torch.reporting.runs import load_runs, read_per_object, read_run
 from spgf_torch.reporting.sweep import find_sweep
 
 CONFIG = ReportConfig(
@@ -59,8 +59,7 @@ def test_interrupted_and_damaged_runs_are_told_and_left_out(folder: Path) -> Non
         else:
             (folder / name / "results.json").write_text(content)
     without = write_run(folder / "gap", model=False)
-    text = (without / "results.json").read_text()
-    (without / "results.json").write_text(text.replace('"ceiling"', '"roof"'))
+    rewritten(without, lambda content: content.pop("ceiling"))
     runs, lines = loaded(str(folder))
     assert [run.K for run in runs] == [3, 5]
     assert len(lines) == 4 and all("left out" in line and "\n" not in line for line in lines)
@@ -116,5 +115,9 @@ def test_damaged_rates_of_objects_are_refused(folder: Path) -> None:
     assert len(read_per_object(run)) == 3
     path = run.folder / "per_object.csv"
     path.write_text(path.read_text().replace("nested_CG", "nested_XX"))
+    with pytest.raises(InputError, match=r"per_object\.csv: expected the file that results\.json was written with"):
+        read_per_object(run)
+    rewritten(run.folder, lambda content: None)
+    run = read_run(run.folder)
     with pytest.raises(InputError, match=r"per_object\.csv.*nested_CG"):
         read_per_object(run)

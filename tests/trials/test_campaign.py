@@ -10,7 +10,6 @@ import pytest
 from campaigns import Calls, manifest, tables
 from toys import TRIALS, WORDS, Toy, checksum, toss
 
-import spgf_torch.trials.journal as journal_module
 from spgf_torch.config import InputError
 from spgf_torch.trials.attempts import Ended, try_chunk
 from spgf_torch.trials.journal import Journal
@@ -149,7 +148,7 @@ def test_a_full_disk_leaves_nothing_half_written(tmp_path: Path, monkeypatch: py
 
     calls.make(tmp_path / "whole", Here())
     with monkeypatch.context() as patch:
-        patch.setattr(journal_module.os, "fsync", fsync)
+        patch.setattr("os.fsync", fsync)
         with pytest.raises(OSError, match="No space"):
             calls.make(tmp_path / "out", Here())
     shards = list((tmp_path / "out/shards/a").iterdir())
