@@ -176,8 +176,7 @@ def npy_array(path: Path) -> np.ndarray:
     try:
         with existing(path).open("rb") as stream:
             if _npy_header(stream)[2].hasobject:
-                got = "Python objects, which could run code"
-                raise InputError(f"{path}: expected a whole numpy file of numbers, got {got}")
+                raise _pickled(path)
         array = np.lib.format.open_memmap(path, mode="r")
     except InputError:
         raise

@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from spgf_torch.config import GRASP_TYPES, RANKINGS
 from spgf_torch.evaluation.novel import Novel
@@ -57,6 +55,9 @@ def write_per_object(path: Path, objects: Sequence[Novel], n: int) -> None:
 
 def write_predictions(path: Path, objects: Sequence[Novel]) -> None:
     """`predictions.parquet`: a row a candidate grasp of every object, with its scores, outcome and pose."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     sizes = [len(o.success) for o in objects]
     columns: dict[str, Any] = {
         "object": pa.array(np.repeat([o.name for o in objects], sizes)).dictionary_encode(),

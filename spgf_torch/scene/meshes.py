@@ -39,7 +39,7 @@ def as_cloud(path: Path, config: SceneConfig) -> Cloud | None:
     Cameras join neighbouring pixels: the surface is open, and all of its faces are seen from one place.
     `config.read_as` overrules it.
     """
-    if config.read_as == "mesh":
+    if config.read_as == "mesh" or (config.read_as == "auto" and config.mesh == "whole"):
         return None
     if config.read_as == "cloud":
         return _vertices(path, config)

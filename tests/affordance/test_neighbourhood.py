@@ -297,7 +297,7 @@ def test_model_round_trip(model: affordance.GraspModel, tmp_path) -> None:
     ("file", "content", "says"),
     [
         ("model.json", None, "found no such file"),
-        ("model.json", "not json", "expected a JSON document"),
+        ("model.json", "not json", "expected a model's JSON"),
         ("model.json", '{"format": "other"}', "expected format 'spgf_torch model'"),
         ("model.json", "[]", "expected format"),
         ("model.json", '{"format": "spgf_torch model", "schema": 2, "lattice": {}}', "expected lattice with the keys"),

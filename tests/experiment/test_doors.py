@@ -333,7 +333,7 @@ def test_a_model_in_python_gives_the_grasps_of_the_command(small: Path, seen: np
     assert model.predict(texlets, top=5, plane=np.array([0.0, 0.0, 1.0, -10.0])) == []  # all is below this one
     with pytest.raises(InputError, match="points: expected an array of numbers, got str"):
         model.texlets("cloud.ply")
-    with pytest.raises(InputError, match="viewpoint: expected an array of numbers"):
+    with pytest.raises(InputError, match="viewpoints: expected an array of numbers"):
         model.texlets(seen[:, :3], viewpoint="left")
 
 

@@ -69,12 +69,12 @@ def crowd() -> bytes:
 NPZ: dict[str, tuple[Make, str]] = {
     "items of 20 MB": (lambda: zipped(header((3,), "|V20000000") + bytes(60_000_000)), "plain numbers"),
     "items that are arrays": (lambda: zipped(header((3,), ("<f8", (1_000_000,))) + bytes(24_000_000)), ""),
-    "items with fields": (lambda: zipped(header((3,), [("x", "<f8"), ("y", "<f8")]) + bytes(48)), "plain numbers"),
+    "items with fields": (lambda: zipped(header((3,), [("x", "<f8", (1000,))]) + bytes(24_000)), "plain numbers"),
     "long text": (lambda: zipped(header((3,), "<U5000000") + bytes(60_000_000)), "plain numbers"),
     "long bytes": (lambda: zipped(header((3,), "|S20000000") + bytes(60_000_000)), "plain numbers"),
     "dates": (lambda: zipped(header((3,), "<M8[s]") + bytes(24)), "plain numbers"),
     "complex numbers": (lambda: zipped(header((3,), "<c16") + bytes(48)), "plain numbers"),
-    "objects": (lambda: zipped(header((3,), "|O") + bytes(24)), "plain numbers"),
+    "objects": (lambda: zipped(header((3,), "|O") + bytes(24)), "np.savez"),
     "a header of 200 MB": (
         lambda: zipped(b"\x93NUMPY\x02\x00" + struct.pack("<I", 200_000_000) + bytes(200_000_000)),
         "damaged",
