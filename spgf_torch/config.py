@@ -457,7 +457,8 @@ def find(path: str | Path) -> Path:
 
 def settings(kind: type[T], **changes: Any) -> T:
     """The default settings of a room, read from `conf/` without Hydra, with `changes` applied."""
-    return typed(kind, {**_plain(OmegaConf.load(root() / "conf" / DEFAULTS[kind])), **changes})
+    given = {key: _python(value) for key, value in changes.items()}
+    return typed(kind, {**_plain(OmegaConf.load(root() / "conf" / DEFAULTS[kind])), **given})
 
 
 def typed(kind: type[T], values: Any) -> T:
@@ -481,6 +482,15 @@ def typed(kind: type[T], values: Any) -> T:
 def plain(config: Any) -> dict[str, Any]:
     """A settings dataclass as nested dicts and lists of plain Python values."""
     return _plain(OmegaConf.structured(config))
+
+
+def _python(value: Any) -> Any:
+    """A value of a setting given in Python: arrays, tensors, their numbers and paths as plain values."""
+    if isinstance(value, list | tuple):
+        return [_python(part) for part in value]
+    if isinstance(value, Path):
+        return str(value)
+    return value.tolist() if callable(getattr(value, "tolist", None)) else value
 
 
 def _plain(values: Any) -> Any:

@@ -61,16 +61,17 @@ def run(config: PredictConfig, folder: Path) -> None:
     write_isaac(folder / "isaac_grasp.yaml", grasps, predictor.grippers)
     write_graspnet(folder / "graspnet.npy", grasps, predictor.grippers)
     positions, normals = (t.double().numpy() for t in (scene.texlets.positions, scene.texlets.normals))
-    names = predictor.names
-    write_scene_page(
-        folder / "index.html", folder / "grasps.png", positions, normals, grasps, predictor.grippers, names
-    )
+    names, pictures = predictor.names, (folder / "index.html", folder / "grasps.png")
+    if len(positions):
+        write_scene_page(*pictures, positions, normals, grasps, predictor.grippers, names)
     if grasps:
         show(grasp_table(grasps[: config.N], names))
     else:
         show(f"no grasp: {scene.no_grasp or 'no shape here votes for any that the open hand could reach freely'}")
+    for target in sorted(set(scene.targets) - {grasp.target for grasp in grasps}) if grasps else ():
+        show(f"no grasp for target {target}")
     show(f"{len(grasps)} grasps ({by_type(grasps)}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
-    show(f"files and page in {folder}")
+    show(f"files{' and page' if len(positions) else ''} in {folder}")
 
 
 if __name__ == "__main__":

@@ -14,8 +14,10 @@ PROTOTYPES = 3  # that are named for a grasp
 
 def grasp_table(grasps: Sequence[Grasp], names: Sequence[str] | None = None) -> Table:
     """Grasps, best first: rank, type, probability (%), votes, TCP position (mm) and approach direction in the input's
-    frame, and the prototypes that gave most votes with their share. `names`: a word for each prototype.
+    frame, and the prototypes that gave most votes with their share; and the target, where there are several.
+    `names`: a word for each prototype.
     """
+    several = any(grasp.target != grasps[0].target for grasp in grasps)
     table = Table(
         title="Ranked grasps",
         caption="TCP position and approach in the input's frame; prototypes with their share of the votes",
@@ -24,6 +26,8 @@ def grasp_table(grasps: Sequence[Grasp], names: Sequence[str] | None = None) -> 
     for heading in ("rank", "type", "prob. (%)", "votes", "x y z (mm)", "approach"):
         table.add_column(heading, justify="left" if heading == "type" else "right", no_wrap=True)
     table.add_column("prototypes")
+    if several:
+        table.add_column("target", justify="right")
     for rank, grasp in enumerate(grasps, start=1):
         table.add_row(
             str(rank),
@@ -33,6 +37,7 @@ def grasp_table(grasps: Sequence[Grasp], names: Sequence[str] | None = None) -> 
             " ".join(f"{1000 * value:4.0f}" for value in grasp.T_input_tcp[:3, 3]),
             direction(grasp),
             voters(grasp, names),
+            *([str(grasp.target)] if several else []),
         )
     return table
 

@@ -15,7 +15,7 @@ from spgf_torch.scene.degenerate import flat_hint, why_no_grasp
 from spgf_torch.scene.depth import every, learned_stride, pixel_points, surface
 from spgf_torch.scene.depth_files import is_depth
 from spgf_torch.scene.files import read_clouds
-from spgf_torch.scene.gravity import Gravity, gravity_of
+from spgf_torch.scene.gravity import AUTO, Gravity, gravity_of
 from spgf_torch.scene.meshes import as_cloud, is_mesh, sampled, sensed
 from spgf_torch.scene.normals import neighbourhoods, oriented
 from spgf_torch.scene.plausible import check_depth_image, size_notes
@@ -28,6 +28,8 @@ from spgf_torch.sensing.texlets import Texlets, thin
 
 # Points further apart than this much of the texlets' spacing leave many a texlet with one point, which then must do.
 _SPARSE = 0.85
+# Cosine: a table of poses in a frame with z up is less tilted than 45 deg.
+_LEVEL = np.cos(np.deg2rad(45))
 # m; texlets and grasps are float32, exact to 0.03 mm there.
 _FAR = 1000.0
 
@@ -144,11 +146,25 @@ def scene_of_views(
     notes.insert(0, f"stride: every {', '.join(map(str, strides))} pixels of the depth images")
     gravity = gravity_of(config, None, [view.camera.T_object_camera[:3, :3] for view in views])
     table = table_of(clouds, config, generator, gravity, notes)
+    if table is not None and config.gravity == AUTO:
+        notes += _pose_notes(views, table)
     targets, obstacles = _apart(clouds, table, config)
     notes += size_notes(targets, views, config, table is not None)
     around = _Around(obstacles, table, gravity, viewpoints_of(clouds))
     why = why_no_grasp(targets, targets, table, config)
     return _thinned(targets, around, notes, config, sensing, generator, why)
+
+
+def _pose_notes(views: Sequence[View], table: np.ndarray) -> list[str]:
+    """A warning where cameras have poses, but the table is far from level in their frame."""
+    posed = any(not np.allclose(view.camera.T_object_camera, np.eye(4)) for view in views)
+    if not posed or table[2] > _LEVEL:
+        return []
+    tilt = np.rad2deg(np.arccos(np.clip(table[2], -1, 1)))
+    return [
+        f"warning: the table is tilted {tilt:.0f} deg from z: is z not up, or "
+        "are poses not T_input_camera with the camera's z ahead and y down (OpenGL's have z back; inverted ones)?"
+    ]
 
 
 def _surfaces(view: View, stride: int, config: SceneConfig, sensing: SensingConfig) -> list[Cloud]:
