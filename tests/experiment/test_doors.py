@@ -337,6 +337,42 @@ def test_a_model_in_python_gives_the_grasps_of_the_command(small: Path, seen: np
         model.texlets(seen[:, :3], viewpoint="left")
 
 
+def test_a_hand_keeps_out_of_what_stands_beside_and_below(small: Path, seen: np.ndarray) -> None:
+    """A wall 40 mm beside the object's middle, a table, and the way from below, each with and without."""
+    model = spgf_torch.load(small / "outputs/train/latest")
+    side = np.arange(-0.2, 0.2, 0.004)
+    y, z = (part.ravel() for part in np.meshgrid(side, side))
+    middle = seen[:, :3].mean(axis=0)
+    wall = np.column_stack([np.full(len(y), seen[:, 0].max() + 0.04), middle[1] + y, middle[2] + z])
+    points, normals = (
+        np.concatenate([seen[:, :3], wall]),
+        np.concatenate([seen[:, 3:], np.tile([-1.0, 0, 0], (len(wall), 1))]),
+    )
+    marked = np.arange(len(points)) < len(seen)
+    alone = model.predict(
+        spgf_torch.Scene.from_points(seen[:, :3], normals=seen[:, 3:], sensing=model.sensing, gravity=None)
+    )
+    scene = spgf_torch.Scene.from_points(points, normals=normals, mask=marked, sensing=model.sensing, gravity=None)
+
+    def in_the_wall(grasps: list) -> int:
+        shapes = [
+            (g, s.vertices @ g.T_input_tcp[:3, :3].T + g.T_input_tcp[:3, 3])
+            for g in grasps
+            for s in model.grippers[g.type].shapes
+        ]
+        return len({id(g) for g, corners in shapes if corners[:, 0].max() > wall[0, 0]})
+
+    beside = model.predict(scene)
+    assert in_the_wall(alone) > 2 and len(beside) > 5 and in_the_wall(beside) == 0
+    rising = [g.T_input_tcp[2, 2] > np.sin(np.deg2rad(10.01)) for g in alone]
+    upright = spgf_torch.Scene.from_points(seen[:, :3], normals=seen[:, 3:], sensing=model.sensing)
+    assert any(rising) and not any(g.T_input_tcp[2, 2] > np.sin(np.deg2rad(10.01)) for g in model.predict(upright))
+    with pytest.raises(InputError, match="scene: expected a Scene or Texlets, got ndarray"):
+        model.predict(seen[:, :3])  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"table: expected with spgf_torch\.Scene\.from_points"):
+        model.texlets(seen[:, :3], normals=seen[:, 3:], table="find")
+
+
 def test_moved_points_give_the_same_grasps_moved(small: Path, seen: np.ndarray) -> None:
     """Nine in ten within 1 mm and 1 deg: rounding may put a neighbour into the next cell of a ring."""
     model = spgf_torch.load(small / "outputs/train/latest")
