@@ -6,6 +6,7 @@ unknown. The side matters: normals turned the wrong way make hands come through 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,6 +46,8 @@ _LOOKS_UP = -0.1
 _HOLLOW = 0.25
 # A table tells the side where nearly all that is not on it lies on one side, and there is something.
 _ABOVE, _SOMETHING = 0.97, 0.01
+# Cosine: cameras that see a table look down on it by 10 deg at least; points on it that a shape is told from.
+_OVER, _FEW = 0.17, 30
 # Rows and columns of an image meet their rays' origin to this share of the distance, if it is one camera's image.
 _PINHOLE, _PIXELS = 0.01, 200
 
@@ -126,7 +129,7 @@ def _of_frame_or_shape(cloud: Cloud, config: SceneConfig) -> Side | None:
     points, normals, pitch = _unsigned(cloud, config)
     if len(points) < 10:
         return None
-    plane, optical = _of_plane(points, config), _optical(cloud.points, _USUAL)
+    plane, optical = _of_plane(points, normals, pitch, config), _optical(cloud.points, _USUAL)
     origin = Side(np.zeros(3), _ORIGIN)
     if plane is not None:
         agrees = optical and not _contradicted(np.zeros(3), points, normals, pitch, plane)
@@ -174,8 +177,8 @@ def _contradicted(eye: np.ndarray, points: np.ndarray, normals: np.ndarray, pitc
     return outwardness(points, turned) < _HOLLOW or hidden_share(hidden, pitch) > 2 * _DIFFERENT
 
 
-def _of_plane(points: np.ndarray, config: SceneConfig) -> Side | None:
-    """The side of a table on which all else is."""
+def _of_plane(points: np.ndarray, normals: np.ndarray, pitch: float, config: SceneConfig) -> Side | None:
+    """The side of a table on which all else is; there, from where what stands on it bulges most."""
     found = best_plane(points, config, np.random.default_rng(0))
     if found is None or found.share < config.table_share or found.width < config.table_width:
         return None
@@ -184,34 +187,58 @@ def _of_plane(points: np.ndarray, config: SceneConfig) -> Side | None:
     if max(above, below) < _SOMETHING or max(above, below) < _ABOVE * (above + below):
         return None
     normal = found.plane[:3] * (1.0 if above > below else -1.0)
-    eye = points.mean(axis=0) + _far_out(points) * normal
-    return Side(eye, f"seen from the side of what stands on its largest plane, {_words(normal)}")
+    off = np.abs(up) > 2 * config.table_distance
+    over = [direction for direction in sphere(_SIDES) if direction @ normal > _OVER]
+    direction = _mean(_looked_at(points[off], normals[off], pitch, over)) if off.sum() >= _FEW else normal
+    eye = points.mean(axis=0) + _far_out(points) * direction
+    return Side(eye, f"seen from the side of what stands on its largest plane, {_words(direction)}")
+
+
+@dataclass(frozen=True)
+class _Look:
+    """A cloud as seen from far out in a direction: how much it bulges, what of it is hidden, its normals from there."""
+
+    direction: np.ndarray
+    bulge: float
+    unseen: float
+    normals: np.ndarray
+
+    @property
+    def score(self) -> float:
+        return self.bulge - self.unseen
+
+
+def _looked_at(points: np.ndarray, normals: np.ndarray, pitch: float, directions: Sequence[np.ndarray]) -> list[_Look]:
+    """The cloud from each of the directions, the one first from which it bulges most and hides least."""
+    middle, away = points.mean(axis=0), _far_out(points)
+    outermost, outwards = extremes(points)
+    looks = []
+    for direction in directions:
+        turned, hidden = facing(points, normals, (middle + away * direction)[None], pitch)
+        bulge = float((turned[outermost] * outwards).sum(axis=1).mean())
+        looks.append(_Look(direction, bulge, hidden_share(hidden, pitch), turned))
+    return sorted(looks, key=lambda look: -look.score)
+
+
+def _mean(looks: Sequence[_Look]) -> np.ndarray:
+    """The mean direction of the looks that are hardly worse than the first: faces seen grazing from one are not."""
+    good = np.sum([look.direction for look in looks if look.score > looks[0].score - _CLEARER], axis=0)
+    length = float(np.linalg.norm(good))
+    return good / length if length > 0 else looks[0].direction
 
 
 def _of_shape(points: np.ndarray, normals: np.ndarray, pitch: float) -> Side | None:
     """The side from which the surface bulges and hides nothing of itself, if it is the only one."""
-    middle, away = points.mean(axis=0), _far_out(points)
-    outermost, outwards = extremes(points)
-    found = []
-    for direction in sphere(_SIDES):
-        turned, hidden = facing(points, normals, (middle + away * direction)[None], pitch)
-        bulge, unseen = float((turned[outermost] * outwards).sum(axis=1).mean()), hidden_share(hidden, pitch)
-        if bulge > _BULGE - _CLEARER:
-            found.append((bulge - unseen, bulge, unseen, direction, turned))
-    if not found:
+    looks = _looked_at(points, normals, pitch, list(sphere(_SIDES)))
+    best = looks[0]
+    differ = [_differ(best.normals, look.normals, np.abs(normals @ look.direction)) for look in looks]
+    alike = [look for look, share in zip(looks, differ, strict=True) if share <= _DIFFERENT]
+    rival = max((look.score for look, share in zip(looks, differ, strict=True) if share > _DIFFERENT), default=-np.inf)
+    if best.bulge < _BULGE or best.unseen > _CLEAR or rival > best.score - _CLEARER:
         return None
-    found.sort(key=lambda one: -one[0])
-    score, bulge, unseen, _, turned = found[0]
-    differ = [_differ(turned, one[4], np.abs(normals @ one[3])) for one in found]
-    alike = [one for one, share in zip(found, differ, strict=True) if share <= _DIFFERENT]
-    rival = max((one[0] for one, share in zip(found, differ, strict=True) if share > _DIFFERENT), default=-np.inf)
-    if bulge < _BULGE or unseen > _CLEAR or rival > score - _CLEARER:
-        return None
-    good = np.sum([one[3] for one in alike if one[0] > score - _CLEARER], axis=0)
-    length = float(np.linalg.norm(good))
-    direction = good / length if length > 0 else found[0][3]
-    if _differ(turned, facing(points, normals, (middle + away * direction)[None], pitch)[0]) > _DIFFERENT:
-        direction = found[0][3]
+    middle, away, direction = points.mean(axis=0), _far_out(points), _mean(alike)
+    if _differ(best.normals, facing(points, normals, (middle + away * direction)[None], pitch)[0]) > _DIFFERENT:
+        direction = best.direction
     return Side(middle + away * direction, f"its shape was evidently seen from {_words(direction)}")
 
 
