@@ -96,7 +96,8 @@ def check_side(cloud: Cloud, config: SceneConfig, notes: list[str]) -> None:
     assert cloud.normals is not None and cloud.viewpoints is not None
     if len(cloud) < 10 or (found := outwardness(cloud.points, cloud.normals)) >= INWARDS:
         return
-    side = _of_shape(*_unsigned(cloud, config))
+    some = _unsigned(cloud, config)
+    side = _of_shape(_looked_at(*some, list(sphere(_SIDES))), *some)
     where = ", ".join(f"{x:.4g}" for x in np.mean(cloud.viewpoints, axis=0))
     if side is not None:
         raise InputError(
@@ -132,13 +133,29 @@ def _of_frame_or_shape(cloud: Cloud, config: SceneConfig) -> Side | None:
     plane, optical = _of_plane(points, normals, pitch, config), _optical(cloud.points, _USUAL)
     origin = Side(np.zeros(3), _ORIGIN)
     if plane is not None:
-        agrees = optical and not _contradicted(np.zeros(3), points, normals, pitch, plane)
-        return origin if agrees else plane
-    shape = _of_shape(points, normals, pitch)
+        return origin if optical and _alike(np.zeros(3), plane.eye, points, normals, pitch) else plane
+    looks = _looked_at(points, normals, pitch, list(sphere(_SIDES)))
     if optical:  # whatever speaks against the origin then leaves it open
-        return None if _contradicted(np.zeros(3), points, normals, pitch, shape) else origin
+        return origin if _bulges_to(np.zeros(3), looks, points, normals, pitch) else None
+    shape = _of_shape(looks, points, normals, pitch)
     looks_up = shape is not None and (shape.eye - points.mean(axis=0))[2] < _LOOKS_UP * _far_out(points)
     return None if looks_up else shape
+
+
+def _alike(eye: np.ndarray, other: np.ndarray, points: np.ndarray, normals: np.ndarray, pitch: float) -> bool:
+    """Whether two places (3,), m, turn most of the normals alike."""
+    turned, again = (facing(points, normals, place[None], pitch)[0] for place in (eye, other))
+    return _differ(turned, again) <= 0.5
+
+
+def _bulges_to(eye: np.ndarray, looks: Sequence[_Look], points: np.ndarray, normals: np.ndarray, pitch: float) -> bool:
+    """Whether the surface bulges to a place (3,), m, and no less than to any other."""
+    ray = points - eye
+    if float((ray @ ray.mean(axis=0) <= 0).mean()) > BEHIND:
+        return False
+    turned, hidden = facing(points, normals, eye[None], pitch)
+    score = outwardness(points, turned) - hidden_share(hidden, pitch)
+    return score >= max(_HOLLOW, looks[0].score - _CLEARER)
 
 
 def _unsigned(cloud: Cloud, config: SceneConfig) -> tuple[np.ndarray, np.ndarray, float]:
@@ -163,18 +180,6 @@ def _optical(points: np.ndarray, widest: float) -> bool:
     ahead = (np.abs(points[:, :2]).max(axis=1) <= widest * z) & (z > 0)
     share = max(float((ahead & (points[:, 2] > 0)).mean()), float((ahead & (points[:, 2] < 0)).mean()))
     return share >= _IN_VIEW
-
-
-def _contradicted(eye: np.ndarray, points: np.ndarray, normals: np.ndarray, pitch: float, evident: Side | None) -> bool:
-    """Whether the points cannot have been seen from `eye`, or were evidently seen from elsewhere."""
-    ray = points - eye
-    if float((ray @ ray.mean(axis=0) <= 0).mean()) > BEHIND:
-        return True
-    turned, hidden = facing(points, normals, eye[None], pitch)
-    if evident is not None:
-        other = facing(points, normals, evident.eye[None], pitch)[0]
-        return _differ(turned, other) > 0.5
-    return outwardness(points, turned) < _HOLLOW or hidden_share(hidden, pitch) > 2 * _DIFFERENT
 
 
 def _of_plane(points: np.ndarray, normals: np.ndarray, pitch: float, config: SceneConfig) -> Side | None:
@@ -227,9 +232,8 @@ def _mean(looks: Sequence[_Look]) -> np.ndarray:
     return good / length if length > 0 else looks[0].direction
 
 
-def _of_shape(points: np.ndarray, normals: np.ndarray, pitch: float) -> Side | None:
-    """The side from which the surface bulges and hides nothing of itself, if it is the only one."""
-    looks = _looked_at(points, normals, pitch, list(sphere(_SIDES)))
+def _of_shape(looks: Sequence[_Look], points: np.ndarray, normals: np.ndarray, pitch: float) -> Side | None:
+    """The side from which the surface bulges and hides nothing of itself, if it is the only one of its looks."""
     best = looks[0]
     differ = [_differ(best.normals, look.normals, np.abs(normals @ look.direction)) for look in looks]
     alike = [look for look, share in zip(looks, differ, strict=True) if share <= _DIFFERENT]
