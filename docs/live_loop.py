@@ -35,19 +35,19 @@ def main(run: str, count: int) -> None:
     for points, T_world_camera in frames(count):
         start = time.perf_counter()
         try:
-            texlets = model.texlets(points, viewpoint=(0.0, 0.0, 0.0))
+            scene = spgf_torch.Scene.from_points(points, (0.0, 0.0, 0.0), sensing=model.sensing)
         except InputError as error:  # an empty table, a hand before the lens: wait for the next frame
             print(error)
             continue
-        grasps = model.predict(texlets, top=1)
+        grasps = model.predict(scene, top=1)  # table="find" in a scene with a table: no hand reaches below it
         spent = 1000 * (time.perf_counter() - start)
         if not grasps:
-            print(f"{len(texlets)} texlets, {spent:.0f} ms: no grasp")
+            print(f"{len(scene.texlets)} texlets, {spent:.0f} ms: no grasp, {scene.no_grasp or 'none is free'}")
             continue
         best = grasps[0]
         x, y, z = (T_world_camera @ best.T_input_tcp)[:3, 3]
         print(
-            f"{len(texlets)} texlets, {spent:.0f} ms: {best.type} at x {x:+.3f} y {y:+.3f} z {z:+.3f} m, "
+            f"{len(scene.texlets)} texlets, {spent:.0f} ms: {best.type} at x {x:+.3f} y {y:+.3f} z {z:+.3f} m, "
             f"holds with probability {best.probability:.2f}, {best.support} votes"
         )
 

@@ -12,7 +12,6 @@ import torch
 from spgf_torch.config import InputError, SceneConfig, SensingConfig
 from spgf_torch.scene.cloud import Cloud, checked, vectors, voxel_means
 from spgf_torch.scene.degenerate import flat_hint, why_no_grasp
-from spgf_torch.scene.depth import every, learned_stride, pixel_points, surface
 from spgf_torch.scene.depth_files import is_depth
 from spgf_torch.scene.files import read_clouds
 from spgf_torch.scene.gravity import AUTO, Gravity, gravity_of
@@ -20,7 +19,8 @@ from spgf_torch.scene.meshes import as_cloud, is_mesh, sampled, sensed
 from spgf_torch.scene.normals import neighbourhoods, oriented
 from spgf_torch.scene.plausible import check_depth_image, size_notes
 from spgf_torch.scene.scene import Scene
-from spgf_torch.scene.selection import crop_box, is_target, table_of, targeted, viewpoints_of, within
+from spgf_torch.scene.selection import is_target, table_of, targeted, viewpoints_of
+from spgf_torch.scene.surfaces import stride_of, surfaces
 from spgf_torch.scene.table import height
 from spgf_torch.scene.viewpoint import check_side, with_viewpoint
 from spgf_torch.scene.views import View, files_of, read_views
@@ -135,8 +135,8 @@ def scene_of_views(
             raise InputError(f"{view.name}: expected {expected}, got {view.depth.shape}")
         notes += [f"{view.name}: {note}" for note in view.notes]
         check_depth_image(view)
-        strides.append(_stride(view, config, sensing))
-        clouds += _surfaces(view, strides[-1], config, sensing)
+        strides.append(stride_of(view, config, sensing))
+        clouds += surfaces(view, strides[-1], config, sensing)
     if not any(bool(is_target(cloud).any()) for cloud in clouds):
         raise InputError(
             f"input: expected surfaces of {sensing.window} x {sensing.window} pixels in the depth images, got none"
@@ -165,37 +165,6 @@ def _pose_notes(views: Sequence[View], table: np.ndarray) -> list[str]:
         f"warning: the table is tilted {tilt:.0f} deg from z: is z not up, or "
         "are poses not T_input_camera with the camera's z ahead and y down (OpenGL's have z back; inverted ones)?"
     ]
-
-
-def _surfaces(view: View, stride: int, config: SceneConfig, sensing: SensingConfig) -> list[Cloud]:
-    """The oriented surface points of each target of one depth image, and the points of the rest without normals."""
-    depth, camera = every(view.depth, view.camera, stride)
-    if view.labels is None:
-        return [surface(depth, camera, sensing, view.name)]
-    labels, parts = view.labels[::stride, ::stride], []
-    for label in np.unique(labels[labels > 0]):
-        part = surface(np.where(labels == label, depth, 0.0), camera, sensing, view.name)
-        parts.append(replace(part, labels=np.full(len(part), label, np.int32)))
-    rest = (labels <= 0) & np.isfinite(depth) & (depth > 0)
-    points = pixel_points(depth, camera)[rest]
-    eye = camera.T_object_camera[None, :3, 3]
-    thinned = voxel_means(Cloud(points), config.voxel).points if len(points) else points
-    return [*parts, Cloud(thinned, None, eye, view.name, np.zeros(len(thinned), np.int32))]
-
-
-def _stride(view: View, config: SceneConfig, sensing: SensingConfig) -> int:
-    """The stride that is set, or the one that suits the target's pixels in the crop box."""
-    if config.stride is not None:
-        if config.stride < 1:
-            raise InputError(f"stride: expected a whole number from 1, got {config.stride}")
-        return config.stride
-    depth = np.where(np.isfinite(view.depth), view.depth, 0.0)
-    returned = depth > 0
-    if view.labels is not None and (returned & (view.labels > 0)).any():
-        returned &= view.labels > 0
-    inside = returned & within(pixel_points(depth, view.camera), crop_box(config))
-    matter = depth[inside] if inside.any() else depth[returned]
-    return learned_stride(matter, view.camera.K, sensing) if len(matter) else 1
 
 
 def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator) -> Scene:
