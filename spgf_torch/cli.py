@@ -31,6 +31,8 @@ from spgf_torch.terminal import Ended, UnheardError, ended_by_signals, patient
 T = TypeVar("T")
 
 NO_MEMORY = "expected more memory than this machine or the process' limit (ulimit -v) allows"
+# How torch, the loader of shared libraries and the system say so.
+OUT_OF_MEMORY = ("can't allocate memory", "Cannot allocate memory", "failed to map segment")
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
@@ -64,28 +66,30 @@ def _enter(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
         if started:
             raise
         fail(command, InputError(f"{' '.join(sys.argv[1:])[:80]}: expected key=value, got {reason(error)}"))
-    except OSError as error:
-        if not started:  # Hydra makes the run's folder
-            place = error.filename or "working folder"
-            fail(command, InputError(f"{place}: expected a folder for the run, got {error.strerror}"))
-        if error.filename is None and error.errno not in FULL:
-            raise
-        status = _told(f"{command}: {error.filename or Path('outputs').absolute()}: {error.strerror}", 1)
-    except MemoryError:
-        status = _told(f"{command}: {NO_MEMORY}", 1)
-    except RuntimeError as error:
-        if "can't allocate memory" in str(error):  # torch's own words
-            status = _told(f"{command}: {NO_MEMORY}", 1)
-        elif "srun" in str(error):
-            fail(command, error)  # submitit's own words where there is no Slurm
-        else:
-            raise
+    except (MemoryError, ImportError, RuntimeError, OSError) as error:
+        status = _of_the_machine(command, error, bool(started))
     except Ended as error:
         status = _told(f"{command}: ended by {error}", 128 + error.number)
     except KeyboardInterrupt:
         status = _told(f"{command}: interrupted", 130)
     if status:
         sys.exit(status)
+
+
+def _of_the_machine(command: str, error: Exception, started: bool) -> int:
+    """The status of what the machine lacks: memory, a folder, room on the disk, Slurm; anything else is raised."""
+    if isinstance(error, MemoryError) or any(words in str(error) for words in OUT_OF_MEMORY):
+        return _told(f"{command}: {NO_MEMORY}", 1)
+    if isinstance(error, RuntimeError) and "srun" in str(error):
+        fail(command, error)  # submitit's own words where there is no Slurm
+    if not isinstance(error, OSError):
+        raise error
+    if not started:  # Hydra makes the run's folder
+        place = error.filename or "working folder"
+        fail(command, InputError(f"{place}: expected a folder for the run, got {error.strerror}"))
+    if error.filename is None and error.errno not in FULL:
+        raise error
+    return _told(f"{command}: {error.filename or Path('outputs').absolute()}: {error.strerror}", 1)
 
 
 def _told(line: str, status: int) -> int:
