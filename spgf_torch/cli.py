@@ -78,7 +78,7 @@ def _enter(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
 
 def _of_the_machine(command: str, error: Exception, started: bool) -> int:
     """The status of what the machine lacks: memory, a folder, room on the disk, Slurm; anything else is raised."""
-    if isinstance(error, MemoryError) or any(words in str(error) for words in OUT_OF_MEMORY):
+    if _no_memory(error):
         return _told(f"{command}: {NO_MEMORY}", 1)
     if isinstance(error, RuntimeError) and "srun" in str(error):
         fail(command, error)  # submitit's own words where there is no Slurm
@@ -90,6 +90,10 @@ def _of_the_machine(command: str, error: Exception, started: bool) -> int:
     if error.filename is None and error.errno not in FULL:
         raise error
     return _told(f"{command}: {error.filename or Path('outputs').absolute()}: {error.strerror}", 1)
+
+
+def _no_memory(error: Exception) -> bool:
+    return isinstance(error, MemoryError) or any(words in str(error) for words in OUT_OF_MEMORY)
 
 
 def _told(line: str, status: int) -> int:
@@ -117,6 +121,10 @@ def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: 
             _in_run_folder(composed, kind, run)
         except (InputError, IncompleteError) as error:
             refused.append(error)  # told later, without Hydra's extra line
+        except (MemoryError, ImportError, RuntimeError, OSError) as error:
+            if not _no_memory(error):
+                raise
+            refused.append(IncompleteError(NO_MEMORY))
 
     try:
         hydra_main(version_base="1.3", config_path=str(root() / "conf"), config_name=command)(task)()
