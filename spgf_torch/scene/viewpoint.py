@@ -40,6 +40,8 @@ _DIFFERENT, _CLEARER = 0.1, 0.1
 _WIDEST, _USUAL, _IN_VIEW = np.tan(np.deg2rad(60)), 1.0, 0.99
 # A camera's pixels are a grid: of its points as seen from its centre, nearly all have a neighbour as far as the others.
 _GRID, _EVEN = 0.8, 0.05
+# Mean of n . u, below which a viewpoint that is given is doubted, and refused where the shape tells another side.
+_DOUBTFUL = -0.15
 # A shape that bulges towards a place below it is a bowl seen from above; cameras rarely look up.
 _LOOKS_UP = -0.1
 # Mean of n . u, below which normals turned to the origin speak against it: nothing but the frame speaks for it here.
@@ -94,10 +96,12 @@ def check_side(cloud: Cloud, config: SceneConfig, notes: list[str]) -> None:
         notes: gets a warning where they look inwards, but nothing tells the other side: the inside of a bin.
     """
     assert cloud.normals is not None and cloud.viewpoints is not None
-    if len(cloud) < 10 or (found := outwardness(cloud.points, cloud.normals)) >= INWARDS:
+    if len(cloud) < 10 or (found := outwardness(cloud.points, cloud.normals)) >= _DOUBTFUL:
         return
     some = _unsigned(cloud, config)
     side = _of_shape(_looked_at(*some, list(sphere(_SIDES))), *some)
+    if found >= INWARDS and (side is None or _alike(cloud.viewpoints.mean(axis=0), side.eye, *some)):
+        return
     where = ", ".join(f"{x:.4g}" for x in np.mean(cloud.viewpoints, axis=0))
     if side is not None:
         raise InputError(

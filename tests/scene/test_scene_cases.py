@@ -177,6 +177,14 @@ def test_another_depth_scale(values: tuple[str, dict]) -> None:
     assert any("depth_scale" in line for line in told)
 
 
+@pytest.mark.parametrize("name", ["robot_frame_object.pcd", "robot_frame_object_0.6_-0.2_-0.05.pcd"])
+def test_the_origin_given_for_a_cloud_in_a_robots_frame_is_refused(name: str) -> None:
+    with pytest.raises(
+        InputError, match=r"on the side that was seen, got \(0, 0, 0\) m, .* evidently seen from direction"
+    ):
+        read(name, {"viewpoints": [0, 0, 0]})
+
+
 def test_points_on_a_line_give_no_grasp() -> None:
     scene = read("scan_line.xyz", {})
     assert scene.no_grasp is not None and "line" in scene.no_grasp and not len(scene.texlets)
