@@ -43,6 +43,9 @@ LIBRARIES = ("torch", "numpy", "scipy", "trimesh", "embreex", "lightning")
 # They compute nothing: the values of settings are part of a key themselves.
 NO_PROGRAM = ("spgf_torch.config", "spgf_torch.progress", "spgf_torch.cache")
 
+# Python 3.11 counts the depth of a syntax tree for all threads together: two that parse at once may fail (gh-106905).
+_PARSING = Lock()
+
 
 class Cache:
     """Named tensors by key, in `folder`; None = nothing is kept.
@@ -241,7 +244,9 @@ def _source(module: str) -> Path | None:
 
 def _imports(source: bytes) -> Iterator[str]:
     """Names that may be modules: what is imported, wherever in the source, and from where."""
-    for node in ast.walk(ast.parse(source)):
+    with _PARSING:
+        tree = ast.parse(source)
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
