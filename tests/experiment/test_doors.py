@@ -296,6 +296,31 @@ def test_predict_writes_what_robots_read(small: Path, seen: np.ndarray, tmp_path
     assert max(near) < 0.06  # m: every grasp is about the mug
 
 
+def test_predict_says_why_there_is_no_grasp_and_which_target_is_whose(
+    small: Path, seen: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    model = f"model={small}/outputs/train/latest"
+    np.savetxt("line.xyz", np.linspace([0.1, 0, 0.5], [0.3, 0, 0.5], 300))
+    Path("none").mkdir()
+    predict(typed(PredictConfig, composed("predict", "input=line.xyz", "viewpoints=[0,0,0]", model)), Path("none"))
+    assert "no grasp: the points lie on one line, which shows no surface" in capsys.readouterr().out
+    assert read_grasps(Path("none/grasps.json")) == [] and not Path("none/index.html").exists()
+    two = np.concatenate([seen, seen + np.array([0.3, 0, 0, 0, 0, 0])])
+    np.save("two.npy", two)
+    np.save("labels.npy", np.repeat([4, 9], len(seen)))
+    Path("both").mkdir()
+    both = composed("predict", "input=two.npy", "segments=labels.npy", "proposing.point_support=2", model)
+    predict(typed(PredictConfig, both), Path("both"))
+    out = capsys.readouterr().out
+    assert "targets: 4 (" in out and "target" in out.split("prototypes")[1].splitlines()[0]
+    grasps = read_grasps(Path("both/grasps.json"))
+    assert {grasp.target for grasp in grasps} == {4, 9}
+    for grasp in grasps:
+        own = seen[:, :3] + np.array([0.3 * (grasp.target == 9), 0, 0])
+        assert np.linalg.norm(own - grasp.T_input_tcp[:3, 3], axis=1).min() < 0.06
+
+
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [
