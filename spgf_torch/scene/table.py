@@ -44,9 +44,10 @@ _INTO, _ABOVE = 0.02, 0.04
 _LOWEST = 0.02
 # m around the target where the plane that it stands on is looked for first.
 _AROUND = 0.2
-# Of the plane's own area, that of another level one that may as well be the table.
+# Of the table's points, those of another level plane that may as well be the table.
 _RIVAL = 0.3
-# Of a top's area, what is seen of the table around it where its sides are hidden: less, and it is a glimpse of a floor.
+# Of a top's points, those of the table around it where its sides are hidden: fewer, and it is a glimpse of a floor. Of a
+# top's area, what the table must carry for the top to be part of it.
 _HALF = 0.5
 # Of the usual points in a cell, fewer are stray ones.
 _FEW = 0.1
@@ -89,15 +90,19 @@ class FoundTable:
 
 @dataclass(frozen=True)
 class _Level:
-    """A plane that may be the table. area: m2 that it covers. carried: m2 of what stands on it, seen from above.
+    """A plane that may be the table.
 
-    sides: of its outline, the part with something seen directly below. middle: (3,) m.
+    Attributes:
+        plane: (4,) as FoundTable's. count: points on it. area: m2 that they cover. middle: (3,) m, theirs.
+        carried: m2 of what stands on it, seen from above. hung: the same of its other side.
+        sides: of its outline, the part with something seen directly below.
     """
 
     plane: np.ndarray
-    on: np.ndarray
+    count: int
     area: float
     carried: float
+    hung: float
     sides: float
     middle: np.ndarray
 
@@ -296,13 +301,18 @@ def _measured(points: np.ndarray, plane: np.ndarray, on: np.ndarray) -> _Level |
     if held[covered].sum() < _OWN * counts(np.abs(over) < _CELL)[covered].sum():
         return None
     near = ndimage.binary_dilation(covered, np.ones((3, 3)))
-    above = counts((over > _FOOT / 2) & (over < _TALL)) >= few
-    things, count = ndimage.label(above, np.ones((3, 3)))
-    touching = np.unique(things[above & near])
-    carried = float(np.isin(things, touching[touching > 0]).sum()) if count else 0.0
+    above, under = (counts((sign * over > _FOOT / 2) & (sign * over < _TALL)) >= few for sign in (1, -1))
+    carried, hung = (_CELL**2 * _touching(things, near) for things in (above, under))
     below = (counts((over < -_EDGE[0]) & (over > -_EDGE[1])) >= few) & near & ~above
     sides = float(below.sum() / (4 * np.sqrt(max(covered.sum(), 1))))
-    return _Level(plane, on, covered.sum() * _CELL**2, carried * _CELL**2, sides, points[on].mean(axis=0))
+    return _Level(plane, int(on.sum()), _CELL**2 * covered.sum(), carried, hung, sides, points[on].mean(axis=0))
+
+
+def _touching(things: np.ndarray, near: np.ndarray) -> int:
+    """How many cells (bool) the things have that begin at a plane's own cells."""
+    number, _ = ndimage.label(things, np.ones((3, 3)))
+    touching = np.unique(number[things & near])
+    return int(np.isin(number, touching[touching > 0]).sum())
 
 
 def _under(target: np.ndarray, levels: Sequence[_Level], most: float) -> FoundTable | None:
@@ -318,12 +328,12 @@ def _under(target: np.ndarray, levels: Sequence[_Level], most: float) -> FoundTa
 
 def _chosen(levels: Sequence[_Level]) -> FoundTable:
     """The largest one; or what it stands on, if it is a top; or the one above it that things stand on."""
-    table = max(levels, key=lambda level: level.area)
+    table = max(levels, key=lambda level: (level.carried > 0, level.count))
     for _ in levels:
         lower = [one for one in levels if _stands_on(table, one)]
         higher = [one for one in levels if _storey_above(one, table)]
         if lower:
-            table = max(lower, key=lambda level: level.area)
+            table = max(lower, key=lambda level: level.count)
         elif higher:
             table = max(higher, key=lambda level: level.carried)
         else:
@@ -341,14 +351,16 @@ def _stands_on(top: _Level, table: _Level) -> bool:
     over = _over(top, table)
     if not 0 < over < _STOREY or table.carried < _HALF * top.area:
         return False
-    step = over < _EDGE[0] and table.area > _RIVAL * top.area
-    return step or top.sides > _SIDES or table.area > _HALF * top.area
+    step = over < _EDGE[0] and table.count > _RIVAL * top.count
+    return step or top.sides > _SIDES or table.count > _HALF * top.count
 
 
 def _storey_above(upper: _Level, table: _Level) -> bool:
     """Whether a plane is a table above another that things stand on too, such as a floor."""
     over = _over(upper, table)
-    return over > _STOREY and upper.carried > 0 or (0 < over and upper.carried > table.carried and upper.sides <= _SIDES)
+    return (
+        over > _STOREY and upper.carried > 0 or (0 < over and upper.carried > table.carried and upper.sides <= _SIDES)
+    )
 
 
 def _doubts(table: _Level, levels: Sequence[_Level]) -> list[str]:
@@ -356,11 +368,13 @@ def _doubts(table: _Level, levels: Sequence[_Level]) -> list[str]:
     doubts = []
     if table.sides > _SIDES:
         doubts.append("something is seen right below its edge, as a box has its sides below its top")
-    if not table.carried:
+    if table.hung > 2 * table.carried:
+        doubts.append("more is seen behind it than stands on it; is the camera on its other side?")
+    elif not table.carried:
         doubts.append("nothing seems to stand on it")
     for other in levels:
         over = _over(other, table)
-        if other is table or other.area < _RIVAL * table.area or (0 < over < _STOREY and other.sides > _SIDES):
+        if other is table or other.count < _RIVAL * table.count or (0 < over < _STOREY and other.sides > _SIDES):
             continue
         equation = ", ".join(f"{value:.3f}" for value in other.plane)
         where = f"{abs(over):.2f} m {'above' if over > 0 else 'below'} it" if over == over else "across it"
