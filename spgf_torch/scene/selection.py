@@ -196,7 +196,7 @@ def _table_notes(
     ]
     if tilt > _TILTED + gravity.within_deg:
         notes.append(
-            f"warning: table: tilted {tilt:.0f} deg ({gravity.words}); a wall, the side of a box, or a wrong pose? give "
+            f"warning: table: tilted {tilt:.0f} deg ({gravity.words}); a wall, the side of a box, a wrong pose? give "
             "table=[a,b,c,d], poses or gravity=[x,y,z] otherwise"
         )
     if below > _BELOW * len(over):

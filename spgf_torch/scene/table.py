@@ -46,8 +46,8 @@ _LOWEST = 0.02
 _AROUND = 0.2
 # Of the table's points, those of another level plane that may as well be the table.
 _RIVAL = 0.3
-# Of a top's points, those of the table around it where its sides are hidden: fewer, and it is a glimpse of a floor. Of a
-# top's area, what the table must carry for the top to be part of it.
+# Of a top's points, those of the table around it where its sides are hidden: fewer, and it is a glimpse of a floor. And
+# of its area, what the table must carry for the top to be part of it.
 _HALF = 0.5
 # Of the usual points in a cell, fewer are stray ones.
 _FEW = 0.1
@@ -219,8 +219,8 @@ def find_table(
     if named is not None and (under := _under(points[named], levels, np.inf)) is not None:
         return under
     if levels:
-        found = _chosen(levels)
-        return found if named is None else replace(found, doubts=(*found.doubts, "the target reaches below it"))
+        table = _chosen(levels)
+        return table if named is None else replace(table, doubts=(*table.doubts, "the target reaches below it"))
     if out is not None:
         _check_camera(points, out, config, generator, up)
     if not best[0]:
@@ -358,9 +358,9 @@ def _stands_on(top: _Level, table: _Level) -> bool:
 def _storey_above(upper: _Level, table: _Level) -> bool:
     """Whether a plane is a table above another that things stand on too, such as a floor."""
     over = _over(upper, table)
-    return (
-        over > _STOREY and upper.carried > 0 or (0 < over and upper.carried > table.carried and upper.sides <= _SIDES)
-    )
+    if over > _STOREY:
+        return upper.carried > 0
+    return over > 0 and upper.carried > table.carried and upper.sides <= _SIDES
 
 
 def _doubts(table: _Level, levels: Sequence[_Level]) -> list[str]:
