@@ -10,8 +10,8 @@ import numpy as np
 from spgf_torch.config import InputError, SceneConfig
 from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, vectors
-from spgf_torch.scene.gravity import Gravity
-from spgf_torch.scene.table import find_plane, given_plane, height
+from spgf_torch.scene.gravity import AUTO, Gravity, gravity_of
+from spgf_torch.scene.table import find_table, given_plane, height
 
 # Extents of a cloud from the origin to it; a cloud further off has coordinates of a map, which no other unit mends.
 _FAR_EXTENTS = 100.0
@@ -22,8 +22,8 @@ _REACH = 0.6
 _ABOVE = 0.03
 # Of all points: more below a table, and it is none, or not all of it.
 _BELOW = 0.03
-# Of the target's points in one plane: more, and it may be a table that nobody asked for.
-_FLAT = 0.5
+# deg beyond what gravity is known to: tables slope less.
+_TILTED = 22.0
 
 
 def crop_box(config: SceneConfig) -> tuple[np.ndarray, np.ndarray]:
@@ -141,10 +141,12 @@ def table_of(
     points = np.concatenate([cloud.points for cloud in clouds])
     target = np.concatenate([is_target(cloud) for cloud in clouds])
     seen_from = viewpoints_of(clouds)
+    doubts: tuple[str, ...] = ()
     if isinstance(config.table, str) and config.table == "find":
         named = None if target.all() else target
         out = None if seen_from is None else seen_from.mean(axis=0)
-        plane = find_plane(points, out, config, generator, None if gravity is None else gravity.up, named)
+        found = find_table(points, out, config, generator, None if gravity is None else gravity.up, named)
+        plane, doubts = found.plane, found.doubts
     elif isinstance(config.table, str):
         raise InputError(f"table: expected null, find or [a,b,c,d], got {config.table}")
     else:
@@ -153,7 +155,13 @@ def table_of(
     if not (over[target] > config.table_distance).any():
         _check_table_side(over, seen_from, config)
         raise InputError(f"table: expected points more than {config.table_distance:g} m above the plane, got none")
-    notes.extend(_table_notes(plane, over, seen_from, config))
+    if gravity is None:  # hands may come from below, but a table is level all the same
+        up = gravity_of(replace(config, gravity=AUTO), seen_from, ahead=float(points[:, 2].mean()))
+    else:
+        up = gravity
+    assert up is not None
+    notes.extend(_table_notes(plane, over, seen_from, up, config.table_distance))
+    notes.extend(f"warning: table: {doubt}; if that is not it, give table=[a,b,c,d]" for doubt in doubts)
     return plane
 
 
@@ -168,17 +176,29 @@ def _check_table_side(over: np.ndarray, seen_from: np.ndarray | None, config: Sc
         )
 
 
-def _table_notes(plane: np.ndarray, over: np.ndarray, seen_from: np.ndarray | None, config: SceneConfig) -> list[str]:
+def _table_notes(
+    plane: np.ndarray, over: np.ndarray, seen_from: np.ndarray | None, gravity: Gravity, near: float
+) -> list[str]:
+    """Lines on a table: where it is, how tilted against what is likely up, what lies on and below it.
+
+    Args:
+        over: (N,) m, of all points above it. near: table_distance, m.
+    """
     equation = ", ".join(f"{value:.4f}" for value in plane)
-    on, below = (int(which.sum()) for which in (np.abs(over) <= config.table_distance, over < -config.table_distance))
-    tilt = float(np.rad2deg(np.arccos(np.clip(plane[2], -1, 1))))
+    on, below = (int(which.sum()) for which in (np.abs(over) <= near, over < -near))
+    tilt = float(np.rad2deg(np.arccos(np.clip(plane[:3] @ gravity.up, -1, 1))))
     eye = (
         "" if seen_from is None else f", {float(height(seen_from.mean(axis=0)[None], plane)[0]):.3f} m below the camera"
     )
     notes = [
-        f"table ({equation}): tilted {tilt:.1f} deg from z{eye}; {on} points on it and {below} below removed of "
-        f"{len(over)}"
+        f"table ({equation}): tilted {tilt:.1f} deg from level ({gravity.words}){eye}; {on} points on it and {below} "
+        f"below removed of {len(over)}"
     ]
+    if tilt > _TILTED + gravity.within_deg:
+        notes.append(
+            f"warning: table: tilted {tilt:.0f} deg ({gravity.words}); a wall, the side of a box, a wrong pose? give "
+            "table=[a,b,c,d], poses or gravity=[x,y,z] otherwise"
+        )
     if below > _BELOW * len(over):
         notes.append(
             f"warning: table: {below / len(over):.0%} of the points lie below it; is it the plane that the objects "

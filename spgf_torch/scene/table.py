@@ -1,39 +1,58 @@
 """The plane that objects stand on: found among points or given, oriented, and what lies above it.
 
-Not the largest plane: the top of a big box, a wall and a shelf above are larger at times. A table is nearly level,
-where it is known what is up; has next to nothing directly below it, as the top of a box has its sides; and carries the
-target, where a target is named.
+Not the largest plane: the top of a big box, a wall, the floor and a shelf above are larger at times. A table is nearly
+level, where it is known what is up; carries things; its edge does not go down to another level plane, as that of a box
+does; and it is under the target, where a target is named.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import ndimage
 
 from spgf_torch.config import InputError, SceneConfig
 from spgf_torch.scene.cloud import vectors
 
-# Points that hypotheses are tried on: a share of a fifth is measured to within 1 %.
-_TRIED = 4000
-_ROUNDS = 4
+# Points that hypotheses are tried on, and that what stands on a plane is counted in.
+_TRIED, _COUNTED = 1500, 30_000
+# Rounds of least squares, each with what lies nearer than this much of table_distance.
+_NEARER = (1.0, 0.75, 0.5, 0.5)
 # Planes that are looked at, each in what the ones before leave over.
-_MOST = 6
+_MOST = 8
 # Cosine of the tilt from "up" beyond which a plane is a wall; "up" may itself be off by 30 deg.
 _LEVEL = np.cos(np.deg2rad(60))
-# m; side of the cells of a plane that tell what lies below it. A box's sides end within one of its top's edge.
+# deg that a plane may be tilted more than the most level one, before it is taken for a wall or a side of a box.
+_LEANS = 20.0
+# m; side of the cells of a plane.
 _CELL = 0.02
-# Points directly below, as a share of the plane's own: a table's edge is less, a box's sides are more.
-_BELOW = 0.04
+# m below a plane's edge: a table top is less thick; what is seen there is the side of a box.
+_EDGE = (0.045, 0.09)
+# Of a plane's outline, the part beneath which a side is seen: more, and it is a top.
+_SIDES = 0.08
+# m above a plane where what stands on it begins, and up to where it is counted.
+_FOOT, _TALL = 0.03, 0.3
 # m; planes closer together are a table and a box top on it, farther apart a floor and a table on it.
-_STOREY = 0.3
-# Of the largest plane's points, those of one close below it that it stands on; fewer are a glimpse of a floor.
-_WIDE = 0.5
+_STOREY = 0.35
 # Cosine: nearly parallel planes are storeys of one another.
 _PARALLEL = np.cos(np.deg2rad(15))
-# m; how far the target may reach into the table that it stands on: noise.
-_INTO = 0.02
+# m; how far the target may reach into the table that it stands on: noise. How far it may seem to hang above it.
+_INTO, _ABOVE = 0.02, 0.04
+# Of the target's points, those below its lowest that are noise.
+_LOWEST = 0.02
+# m around the target where the plane that it stands on is looked for first.
+_AROUND = 0.2
+# Of the table's points, those of another level plane that may as well be the table.
+_RIVAL = 0.3
+# Of a top's points, those of the table around it where its sides are hidden: fewer, and it is a glimpse of a floor. And
+# of its area, what the table must carry for the top to be part of it.
+_HALF = 0.5
+# Of the usual points in a cell, fewer are stray ones.
+_FEW = 0.1
+# Of the points within a cell's side of a plane, those on it: fewer, and it is a slice of noise, or of a side.
+_OWN = 0.6
 
 
 @dataclass(frozen=True)
@@ -56,6 +75,38 @@ class FoundPlane:
         return float(self.on.mean())
 
 
+@dataclass(frozen=True)
+class FoundTable:
+    """The table among points.
+
+    Attributes:
+        plane: (4,) a, b, c, d: a x + b y + c z + d is the distance above it, m.
+        doubts: why it may be another plane, in words.
+    """
+
+    plane: np.ndarray
+    doubts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Level:
+    """A plane that may be the table.
+
+    Attributes:
+        plane: (4,) as FoundTable's. count: points on it. area: m2 that they cover. middle: (3,) m, theirs.
+        carried: m2 of what stands on it, seen from above. hung: the same of its other side.
+        sides: of its outline, the part with something seen directly below.
+    """
+
+    plane: np.ndarray
+    count: int
+    area: float
+    carried: float
+    hung: float
+    sides: float
+    middle: np.ndarray
+
+
 def given_plane(values: object) -> np.ndarray:
     """(4,) a, b, c, d with (a, b, c) of length 1 of a plane given by the user; InputError if it is none."""
     plane = vectors("table", values, (4,))
@@ -74,6 +125,9 @@ def best_plane(
     points: np.ndarray, config: SceneConfig, generator: np.random.Generator, free: np.ndarray | None = None
 ) -> FoundPlane | None:
     """The plane that holds most points, by random hypotheses (RANSAC) and least squares through what they explain.
+
+    A point counts the less the further it is off (Torr and Zisserman 2000, MSAC): a plane between a table and a book on
+    it holds both, but neither well.
 
     Args:
         points: (N, 3) m.
@@ -94,12 +148,15 @@ def best_plane(
     normal, corner = normal[length > 0] / length[length > 0, None], corners[length > 0, 0]
     if not len(normal):
         return None
-    held = [int((np.abs((some - c) @ n) <= config.table_distance).sum()) for n, c in zip(normal, corner, strict=True)]
-    best = int(np.argmax(held))
+    middle = some.mean(axis=0)
+    off = (some - middle) @ normal.T - ((corner - middle) * normal).sum(axis=1)
+    best = int(np.argmax(np.maximum(0.0, 1 - (off / config.table_distance) ** 2).sum(axis=0)))
     plane = np.append(normal[best], -normal[best] @ corner[best])
     values = np.zeros(3)
-    for _ in range(_ROUNDS):
-        on = counted[np.abs(height(counted, plane)) <= config.table_distance]
+    for nearer in _NEARER:
+        on = counted[np.abs(height(counted, plane)) <= nearer * config.table_distance]
+        if len(on) < 3:
+            break
         middle = on.mean(axis=0)
         values, directions = np.linalg.eigh(np.cov((on - middle).T))
         plane = np.append(directions[:, 0], -directions[:, 0] @ middle)
@@ -116,6 +173,18 @@ def find_plane(
     up: np.ndarray | None = None,
     target: np.ndarray | None = None,
 ) -> np.ndarray:
+    """(4,) the plane of `find_table`."""
+    return find_table(points, out, config, generator, up, target).plane
+
+
+def find_table(
+    points: np.ndarray,
+    out: np.ndarray | None,
+    config: SceneConfig,
+    generator: np.random.Generator,
+    up: np.ndarray | None = None,
+    target: np.ndarray | None = None,
+) -> FoundTable:
     """The table among the points: the plane that the objects stand on.
 
     Args:
@@ -128,7 +197,7 @@ def find_plane(
         target: (N,) bool, what stands on it; None: not named.
 
     Returns:
-        (4,) a, b, c, d: a x + b y + c z + d is the distance above the plane, m.
+        The plane, and what speaks for another one.
 
     Raises:
         InputError: no plane holds `table_share` of the points that larger planes, which are no tables, leave over; or
@@ -136,7 +205,53 @@ def find_plane(
     """
     if len(points) < 3:
         raise InputError(f"table: expected a plane among the points, got {len(points)} points")
-    free, tables, best = np.ones(len(points), bool), [], (0.0, 0.0)
+    if len(points) > _COUNTED:
+        chosen = np.sort(generator.choice(len(points), _COUNTED, replace=False))
+        points, target = points[chosen], None if target is None else target[chosen]
+    named = target if target is not None and target.any() else None
+    best, levels = (0.0, 0.0), []
+    for free in _regions(points, named):
+        found, most = _levels(points, free, out, config, generator, up)
+        levels += found
+        best = max(best, most)
+        if named is not None and (under := _under(points[named], levels, _ABOVE)) is not None:
+            return under
+    if named is not None and (under := _under(points[named], levels, np.inf)) is not None:
+        return under
+    if levels:
+        table = _chosen(levels)
+        return table if named is None else replace(table, doubts=(*table.doubts, "the target reaches below it"))
+    if out is not None:
+        _check_camera(points, out, config, generator, up)
+    if not best[0]:
+        raise InputError("table: expected a plane among the points, got points on one line")
+    raise InputError(
+        f"table: expected a plane with {config.table_share:.0%} of the points and {config.table_width:g} m wide, "
+        f"got at best {best[0]:.0%} and {best[1]:.2g} m, or one that is not level; give table=[a,b,c,d], or null if "
+        "there is none"
+    )
+
+
+def _regions(points: np.ndarray, target: np.ndarray | None) -> list[np.ndarray]:
+    """(N,) bool where planes are looked for: around the target, where one is named, and then everywhere."""
+    everywhere = np.ones(len(points), bool)
+    if target is None:
+        return [everywhere]
+    low, high = points[target].min(axis=0) - _AROUND, points[target].max(axis=0) + _AROUND
+    return [((points >= low) & (points <= high)).all(axis=1) & ~target, everywhere & ~target]
+
+
+def _levels(
+    points: np.ndarray,
+    free: np.ndarray,
+    out: np.ndarray | None,
+    config: SceneConfig,
+    generator: np.random.Generator,
+    up: np.ndarray | None,
+) -> tuple[list[_Level], tuple[float, float]]:
+    """The wide and level planes among the points that count, and share and width of the largest plane of any kind."""
+    levels: list[_Level] = []
+    best, free = (0.0, 0.0), free.copy()
     for _ in range(_MOST):
         found = best_plane(points, config, generator, free)
         if found is None:
@@ -145,24 +260,126 @@ def find_plane(
         best = max(best, (share, found.width))
         if share < config.table_share:
             break
-        side = _side(points, found, out, up)
-        found = FoundPlane(side * found.plane, found.on, found.width)
-        if found.width >= config.table_width and _is_table(points, found, up):
-            tables.append(found)
-            free = free & ~found.on
+        free &= ~found.on
+        plane = found.plane * _side(points, found, out, up)
+        if found.width < config.table_width or (up is not None and plane[:3] @ up < _LEVEL):
+            continue
+        level = _measured(points, plane, found.on)
+        if level is not None and not any(_same(level, other) for other in levels):
+            levels.append(level)
+    return [level for level in levels if not _leans(level, levels, up)], best
+
+
+def _same(a: _Level, b: _Level) -> bool:
+    """Whether two planes are one: what noise or a bend left over of the other."""
+    return bool(a.plane[:3] @ b.plane[:3] > _PARALLEL and abs(float(height(a.middle, b.plane))) < _CELL / 2)
+
+
+def _leans(level: _Level, levels: Sequence[_Level], up: np.ndarray | None) -> bool:
+    """Whether a plane is so much less level than another that it is a wall."""
+    if up is None:
+        return False
+    tilts = [np.rad2deg(np.arccos(min(1.0, float(one.plane[:3] @ up)))) for one in (level, *levels)]
+    return bool(tilts[0] > min(tilts) + _LEANS)
+
+
+def _measured(points: np.ndarray, plane: np.ndarray, on: np.ndarray) -> _Level | None:
+    """What a plane covers, what stands on it and what is seen below its edge, in cells; None for a slice of more."""
+    axes = np.linalg.svd(plane[None, :3])[2][1:]
+    cell = np.floor(points @ axes.T / _CELL).astype(np.int64)
+    cell -= cell.min(axis=0) - 2
+    shape = tuple(cell.max(axis=0) + 3)
+    flat = cell @ np.array([shape[1], 1])
+    over = height(points, plane)
+
+    def counts(which: np.ndarray) -> np.ndarray:
+        return np.bincount(flat[which], minlength=shape[0] * shape[1]).reshape(shape)
+
+    held = counts(on)
+    few = max(1.0, _FEW * float(np.median(held[held > 0])))
+    covered = held >= few
+    if held[covered].sum() < _OWN * counts(np.abs(over) < _CELL)[covered].sum():
+        return None
+    near = ndimage.binary_dilation(covered, np.ones((3, 3)))
+    above, under = (counts((sign * over > _FOOT / 2) & (sign * over < _TALL)) >= few for sign in (1, -1))
+    carried, hung = (_CELL**2 * _touching(things, near) for things in (above, under))
+    below = (counts((over < -_EDGE[0]) & (over > -_EDGE[1])) >= few) & near & ~above
+    sides = float(below.sum() / (4 * np.sqrt(max(covered.sum(), 1))))
+    return _Level(plane, int(on.sum()), _CELL**2 * covered.sum(), carried, hung, sides, points[on].mean(axis=0))
+
+
+def _touching(things: np.ndarray, near: np.ndarray) -> int:
+    """How many cells (bool) the things have that begin at a plane's own cells."""
+    number, _ = ndimage.label(things, np.ones((3, 3)))
+    touching = np.unique(number[things & near])
+    return int(np.isin(number, touching[touching > 0]).sum())
+
+
+def _under(target: np.ndarray, levels: Sequence[_Level], most: float) -> FoundTable | None:
+    """The plane next below the target (N, 3); None if there is none, or the target hangs more than `most` m above."""
+    lowest = [float(np.quantile(height(target, level.plane), _LOWEST)) for level in levels]
+    below = [i for i, value in enumerate(lowest) if -_INTO < value <= most]
+    if not below:
+        return None
+    i = min(below, key=lambda i: lowest[i])
+    hangs = f"the lowest that is seen of the target is {lowest[i]:.3f} m above it"
+    return FoundTable(levels[i].plane, (hangs,) if lowest[i] > _ABOVE else ())
+
+
+def _chosen(levels: Sequence[_Level]) -> FoundTable:
+    """The largest one; or what it stands on, if it is a top; or the one above it that things stand on."""
+    table = max(levels, key=lambda level: (level.carried > 0, level.count))
+    for _ in levels:
+        lower = [one for one in levels if _stands_on(table, one)]
+        higher = [one for one in levels if _storey_above(one, table)]
+        if lower:
+            table = max(lower, key=lambda level: level.count)
+        elif higher:
+            table = max(higher, key=lambda level: level.carried)
         else:
-            free = free & ~found.on
-    if not tables:
-        if out is not None:
-            _check_camera(points, out, config, generator, up)
-        if not best[0]:
-            raise InputError("table: expected a plane among the points, got points on one line")
-        raise InputError(
-            f"table: expected a plane with {config.table_share:.0%} of the points and {config.table_width:g} m wide, "
-            f"got at best {best[0]:.0%} and {best[1]:.2g} m, or one that is not level or has much below it; give "
-            "table=[a,b,c,d], or null if there is none"
-        )
-    return _chosen(points, tables, target).plane
+            break
+    return FoundTable(table.plane, tuple(_doubts(table, levels)))
+
+
+def _over(a: _Level, b: _Level) -> float:
+    """m of the middle of plane a above plane b; NaN where they are not parallel."""
+    return float(height(a.middle, b.plane)) if a.plane[:3] @ b.plane[:3] > _PARALLEL else np.nan
+
+
+def _stands_on(top: _Level, table: _Level) -> bool:
+    """Whether a plane is the top of something that stands on another."""
+    over = _over(top, table)
+    if not 0 < over < _STOREY or table.carried < _HALF * top.area:
+        return False
+    step = over < _EDGE[0] and table.count > _RIVAL * top.count
+    return step or top.sides > _SIDES or table.count > _HALF * top.count
+
+
+def _storey_above(upper: _Level, table: _Level) -> bool:
+    """Whether a plane is a table above another that things stand on too, such as a floor."""
+    over = _over(upper, table)
+    if over > _STOREY:
+        return upper.carried > 0
+    return over > 0 and upper.carried > table.carried and upper.sides <= _SIDES
+
+
+def _doubts(table: _Level, levels: Sequence[_Level]) -> list[str]:
+    """Why another plane may be the table."""
+    doubts = []
+    if table.sides > _SIDES:
+        doubts.append("something is seen right below its edge, as a box has its sides below its top")
+    if table.hung > 2 * table.carried:
+        doubts.append("more is seen behind it than stands on it; is the camera on its other side?")
+    elif not table.carried:
+        doubts.append("nothing seems to stand on it")
+    for other in levels:
+        over = _over(other, table)
+        if other is table or other.count < _RIVAL * table.count or (0 < over < _STOREY and other.sides > _SIDES):
+            continue
+        equation = ", ".join(f"{value:.3f}" for value in other.plane)
+        where = f"{abs(over):.2f} m {'above' if over > 0 else 'below'} it" if over == over else "across it"
+        doubts.append(f"({equation}), {where}, is a wide plane as well")
+    return doubts
 
 
 def _check_camera(
@@ -190,45 +407,3 @@ def _side(points: np.ndarray, found: FoundPlane, out: np.ndarray | None, up: np.
         return float(np.sign(found.plane[:3] @ up))
     off = height(points[~found.on], found.plane)
     return 1.0 if not len(off) or np.median(off) >= 0 else -1.0
-
-
-def _is_table(points: np.ndarray, found: FoundPlane, up: np.ndarray | None) -> bool:
-    """Whether a plane is nearly level, and next to nothing lies directly below it."""
-    if up is not None and found.plane[:3] @ up < _LEVEL:
-        return False
-    return points_below(points, found) <= _BELOW * found.on.sum()
-
-
-def points_below(points: np.ndarray, found: FoundPlane) -> int:
-    """How many points lie under the area that the plane's own points cover, more than a cell deep."""
-    axes = np.linalg.svd(found.plane[None, :3])[2][1:]
-    cell = np.floor(points @ axes.T / _CELL).astype(np.int64)
-    cell -= cell.min(axis=0) - 1
-    below = height(points, found.plane) < -_CELL
-    covered = np.zeros(cell.max(axis=0) + 2, bool) if np.prod(cell.max(axis=0) + 2.0) < 1e8 else None
-    if covered is None:  # kilometres of points
-        return int(below.sum())
-    for i in (-1, 0, 1):
-        for j in (-1, 0, 1):
-            covered[cell[found.on, 0] + i, cell[found.on, 1] + j] = True
-    return int(covered[cell[below, 0], cell[below, 1]].sum())
-
-
-def _chosen(points: np.ndarray, tables: Sequence[FoundPlane], target: np.ndarray | None) -> FoundPlane:
-    """The one that carries the target; else the largest, or what it stands on, or what stands on it and is a table."""
-    if target is not None and target.any():
-        lowest = [float(np.quantile(height(points[target], found.plane), 0.02)) for found in tables]
-        under = [i for i, value in enumerate(lowest) if value > -_INTO]
-        if under:
-            return tables[min(under, key=lambda i: lowest[i])]
-    largest = max(tables, key=lambda found: found.on.sum())
-    chosen = largest
-    for other in tables:
-        if other is largest or other.plane[:3] @ largest.plane[:3] < _PARALLEL:
-            continue
-        over = float(np.median(height(points[other.on], largest.plane)))
-        lower = over < float(np.median(height(points[chosen.on], largest.plane)))
-        wide = other.on.sum() >= _WIDE * largest.on.sum()
-        if (-_STOREY < over < 0 and lower and wide) or (over > _STOREY and chosen is largest):
-            chosen = other
-    return chosen

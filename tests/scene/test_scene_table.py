@@ -54,7 +54,7 @@ def test_the_side_of_the_objects(tabletop: Cloud) -> None:
     with pytest.raises(
         InputError, match=r"viewpoints: expected on the side .* got \(0\.3, -0\.4, -0\.8\) m, 0\.9.* m below it"
     ):
-        find_plane(tabletop.points, EYE * [1, 1, -1], config, rng)
+        find_plane(tabletop.points, EYE * [1, 1, -1], config, rng, np.array([0.0, 0, 1]))
 
 
 def test_a_tilted_table_in_a_moved_frame(tabletop: Cloud) -> None:
