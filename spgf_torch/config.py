@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, fields, is_dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -505,12 +506,18 @@ _WORDS = {
     r"^field '(\w+)' is not Optional$": r"\1: expected a value, got none",
     r"^Object of unsupported type: '(\w+)'$": r"expected keys and values, got \1",
     r"^Invalid type assigned: \w+ is not a subclass of (\w+)\. value: (.*)$": r"expected keys of \1, got \2",
-    r"^Key '(.*)' not in '(\w+)'$": r"expected a key of \2, got \1",
 }
 
 
 def _one_line(error: OmegaConfBaseException) -> str:
     message = str(error.msg or error).splitlines()[0].strip()
+    unknown = re.match(r"^Key '(.*)' not in '\w+'$", message)
+    kind = getattr(error, "object_type", None)
+    if unknown and isinstance(kind, type) and is_dataclass(kind):
+        near = get_close_matches(unknown[1], [entry.name for entry in fields(kind)], 1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        named = str(getattr(error, "full_key", None) or unknown[1])
+        return f"{named}: expected a key of {kind.__name__}, got {unknown[1]}{hint}"
     for pattern, words in _WORDS.items():
         message = re.sub(pattern, words, message)
     key = getattr(error, "full_key", None)

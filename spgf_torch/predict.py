@@ -65,11 +65,11 @@ def run(config: PredictConfig, folder: Path) -> None:
     if len(positions):
         write_scene_page(*pictures, positions, normals, grasps, predictor.grippers, names)
     if grasps:
-        show(grasp_table(grasps[: config.N], names))
+        show(grasp_table(grasps[: config.N], names, targets=len(scene.targets) > 1))
     else:
         show(f"no grasp: {scene.no_grasp or 'no shape here votes for any that the open hand could reach freely'}")
-    for target in sorted(set(scene.targets) - {grasp.target for grasp in grasps}) if grasps else ():
-        show(f"no grasp for target {target}")
+    for target in scene.targets if len(scene.targets) > 1 else ():
+        show(f"target {target}: {sum(grasp.target == target for grasp in grasps)} grasps")
     show(f"{len(grasps)} grasps ({by_type(grasps)}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
     show(f"files{' and page' if len(positions) else ''} in {folder}")
 

@@ -116,6 +116,8 @@ class Predictor:
             scene: made with this model's `sensing`; or texlets alone, to which nothing else belongs.
             plane: (4,) a, b, c, d of a table under texlets, a x + b y + c z + d the height above it, m.
         """
+        if not isinstance(top, int) or isinstance(top, bool) or top < 1:
+            raise InputError(f"top: expected a whole number from 1, got {top!r:.40}")
         if isinstance(scene, Texlets):
             return self.grasps(self.propose(scene, plane), top)
         if not isinstance(scene, Scene):
@@ -126,11 +128,11 @@ class Predictor:
         check_spacing(scene, self.sensing)
         if plane is not None:
             raise InputError("plane: expected with texlets only; a scene has its table (table=[a,b,c,d])")
-        found = []
+        found: list[Grasp] = []
         for target in scene.targets if scene.no_grasp is None else ():
             proposals = self.proposer.propose((own := scene.of(target)).texlets, self.surroundings(own))
-            found += [(-score, replace(grasp, target=target)) for score, grasp in self._scored(proposals, top)]
-        return [grasp for _, grasp in sorted(found, key=lambda pair: pair[0])]
+            found += [replace(grasp, target=target) for grasp in self.grasps(proposals, top)]
+        return sorted(found, key=lambda grasp: -grasp.score)
 
     def surroundings(self, scene: Scene) -> Surroundings:
         """What a hand must keep clear of in a scene."""
@@ -145,25 +147,20 @@ class Predictor:
 
     def grasps(self, proposals: Proposals, top: int) -> list[Grasp]:
         """The best of the proposals, with everything that a robot needs."""
-        return [grasp for _, grasp in self._scored(proposals, top)]
-
-    def _scored(self, proposals: Proposals, top: int) -> list[tuple[float, Grasp]]:
         kept = sorted({i for indices in proposals.best(top).values() for i in indices.tolist()})
         kinds = list(self.grippers)
-        return [
-            (
-                float(proposals.score[i]),
-                make_grasp(
-                    self.grippers[kinds[int(proposals.grasp_type[i])]],
-                    proposals.T_object_tcp[i].cpu().numpy(),
-                    float(proposals.probability[i]),
-                    int(proposals.support[i]),
-                    proposals.voted_by[i],
-                    self.retreat,
-                ),
+        made = [
+            make_grasp(
+                self.grippers[kinds[int(proposals.grasp_type[i])]],
+                proposals.T_object_tcp[i].cpu().numpy(),
+                float(proposals.probability[i]),
+                int(proposals.support[i]),
+                proposals.voted_by[i],
+                self.retreat,
             )
             for i in kept
         ]
+        return [replace(grasp, score=float(proposals.score[i])) for grasp, i in zip(made, kept, strict=True)]
 
 
 def _table(plane: np.ndarray | None) -> Plane | None:

@@ -60,6 +60,7 @@ def _plain(grasp: Grasp, gripper: Gripper) -> dict[str, Any]:
         "probability": grasp.probability,
         "support": grasp.support,
         "target": grasp.target,
+        "score": grasp.score,
         "gripper": gripper.name,
         "T_input_tcp": grasp.T_input_tcp.tolist(),
         "T_input_base": grasp.T_input_base.tolist(),
@@ -91,6 +92,7 @@ def _grasp(values: Any, where: str) -> Grasp:
         T_input_pregrasp=pregrasp,
         voted_by=[_vote(vote, f"{where}.voted_by[{i}]") for i, vote in enumerate(votes)],
         target=whole(values.get("target", 1), f"{where}.target"),
+        score=number(values.get("score", 0.0), f"{where}.score"),
     )
 
 

@@ -56,6 +56,7 @@ class Grasp:
             base waits at T_input_base moved by the same vector.
         voted_by: (prototype, votes), most votes first.
         target: the number of what it grasps, where a scene has several (`segments`); else 1.
+        score: what ranks grasps of a model: the votes' mean evidence, drawn to 0 where there are few; no probability.
     """
 
     type: str
@@ -68,6 +69,7 @@ class Grasp:
     T_input_pregrasp: np.ndarray
     voted_by: list[tuple[int, int]]
     target: int = 1
+    score: float = 0.0
 
 
 def grippers_of(hand: Hand) -> dict[str, Gripper]:

@@ -12,12 +12,11 @@ from spgf_torch.exporting.records import Grasp
 PROTOTYPES = 3  # that are named for a grasp
 
 
-def grasp_table(grasps: Sequence[Grasp], names: Sequence[str] | None = None) -> Table:
+def grasp_table(grasps: Sequence[Grasp], names: Sequence[str] | None = None, targets: bool = False) -> Table:
     """Grasps, best first: rank, type, probability (%), votes, TCP position (mm) and approach direction in the input's
-    frame, and the prototypes that gave most votes with their share; and the target, where there are several.
+    frame, and the prototypes that gave most votes with their share; with `targets` the target too.
     `names`: a word for each prototype.
     """
-    several = any(grasp.target != grasps[0].target for grasp in grasps)
     table = Table(
         title="Ranked grasps",
         caption="TCP position and approach in the input's frame; prototypes with their share of the votes",
@@ -26,7 +25,7 @@ def grasp_table(grasps: Sequence[Grasp], names: Sequence[str] | None = None) -> 
     for heading in ("rank", "type", "prob. (%)", "votes", "x y z (mm)", "approach"):
         table.add_column(heading, justify="left" if heading == "type" else "right", no_wrap=True)
     table.add_column("prototypes")
-    if several:
+    if targets:
         table.add_column("target", justify="right")
     for rank, grasp in enumerate(grasps, start=1):
         table.add_row(
@@ -37,7 +36,7 @@ def grasp_table(grasps: Sequence[Grasp], names: Sequence[str] | None = None) -> 
             " ".join(f"{1000 * value:4.0f}" for value in grasp.T_input_tcp[:3, 3]),
             direction(grasp),
             voters(grasp, names),
-            *([str(grasp.target)] if several else []),
+            *([str(grasp.target)] if targets else []),
         )
     return table
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from spgf_torch.config import InputError
+from spgf_torch.config import InputError, SceneConfig, settings
+from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, checked, pixels_of
-from spgf_torch.scene.depth import camera_of, check_returns
+from spgf_torch.scene.depth import camera_of, check_depth, check_returns
 from spgf_torch.scene.depth_files import DepthFile, counts_array, flat, in_metres
 from spgf_torch.scene.intrinsics import Intrinsics, checked_K
 from spgf_torch.scene.labels import fitting, label_array, marked, numbered
@@ -60,7 +63,7 @@ def view_of_arrays(
     T_input_camera: Any = None,
     mask: Any = None,
     segments: Any = None,
-    depth_scale: float | None = None,
+    config: SceneConfig | None = None,
     name: str = "depth image",
 ) -> View:
     """A depth image in memory, as `read_views` gives that of a file.
@@ -72,7 +75,7 @@ def view_of_arrays(
         T_input_camera: (4, 4) pose of the camera, m; None: the input's frame is the camera's.
         mask: (H, W), not 0: target 1, 0: an obstacle; None: all is the target.
         segments: (H, W) whole numbers, each above 0 a target of its own; not together with `mask`.
-        depth_scale: m per count; None: 0.001.
+        config: unit of floats, depth_scale of counts, limits of the median; None: the defaults.
         name: for errors.
 
     Raises:
@@ -80,10 +83,15 @@ def view_of_arrays(
     """
     if mask is not None and segments is not None:
         raise InputError(f"{name}: expected mask or segments, got both")
+    for key, given in (("mask", mask), ("segments", segments)):
+        if isinstance(given, str | Path):
+            raise InputError(f"{key}: expected an array, got the name of a file; files go into Scene.from_files")
     image = flat(name, np.asarray(depth))
     file = DepthFile(image, counts := counts_array(name, image), told=counts)
-    values, notes = in_metres(file, depth_scale, "m", None)
+    config = config or settings(SceneConfig)
+    values, notes = in_metres(file, config.depth_scale, config.unit, None)
     check_returns(name, values)
+    check_depth(name, values, counts, config)
     T = np.eye(4) if T_input_camera is None else checked_pose(f"{name}: T_input_camera", _floats(name, T_input_camera))
     camera, more = camera_of(values, Intrinsics(checked_K(f"{name}: K", _floats(f"{name}: K", K))), T, name)
     notes = [*notes, *more]
@@ -99,11 +107,11 @@ def view_of_arrays(
 
 
 def views_of_arrays(
-    depth: Any, K: Any, T_input_camera: Any, mask: Any, segments: Any, depth_scale: float | None
+    depth: Any, K: Any, T_input_camera: Any, mask: Any, segments: Any, config: SceneConfig
 ) -> list[View]:
     """The views of one depth image, or of several in lists; see `view_of_arrays`. One K does for all."""
     if not isinstance(depth, list | tuple) or not depth or np.ndim(depth[0]) < 2:
-        return [view_of_arrays(depth, K, T_input_camera, mask, segments, depth_scale)]
+        return [view_of_arrays(depth, K, T_input_camera, mask, segments, config)]
     count = len(depth)
     if T_input_camera is None and count > 1:
         raise InputError(f"T_input_camera: expected the pose of each of the {count} depth images, got none")
@@ -115,9 +123,37 @@ def views_of_arrays(
             raise InputError(f"{name}: expected one a depth image ({count}), got {len(part)}")
     names = [f"depth image {i + 1}" for i in range(count)]
     return [
-        view_of_arrays(one, k, T, m, s, depth_scale, name)
+        view_of_arrays(one, k, T, m, s, config, name)
         for one, k, T, m, s, name in zip(depth, Ks, *parts, names, strict=True)
     ]
+
+
+def clouds_of_arrays(
+    points: Any, normals: Any, viewpoints: Any, mask: Any, segments: Any, config: SceneConfig
+) -> list[Cloud]:
+    """The clouds of one array of points, or of several in lists, in m; see `cloud_of_arrays`.
+
+    Viewpoints are in m, as settings are; of several clouds a list with one entry each, or (3,) for all.
+    """
+    several = isinstance(points, list | tuple) and len(points) > 0 and np.ndim(points[0]) >= 2
+    if not several:
+        clouds = [cloud_of_arrays(points, normals, None, mask_labels(mask, segments))]
+        places = [viewpoints]
+    else:
+        count = len(points)
+        one = viewpoints is None or (np.ndim(viewpoints) == 1 and np.size(viewpoints[0]) == 1)
+        parts = [[None] * count if part is None else list(part) for part in (normals, mask, segments)]
+        places = [viewpoints] * count if one else list(viewpoints)
+        for name, part in zip(("normals", "mask", "segments", "viewpoints"), (*parts, places), strict=True):
+            if len(part) != count:
+                raise InputError(f"{name}: expected one a cloud ({count}), got {len(part)}")
+        clouds = [
+            cloud_of_arrays(p, n, None, mask_labels(m, s), f"points {i + 1}")
+            for i, (p, n, m, s) in enumerate(zip(points, *parts, strict=True))
+        ]
+    eyes = [None if place is None else np.atleast_2d(_floats("viewpoints", place)) for place in places]
+    scaled = [cloud.scaled(METRES[config.unit]) for cloud in clouds]
+    return [checked(replace(cloud, viewpoints=eye)) for cloud, eye in zip(scaled, eyes, strict=True)]
 
 
 def mask_labels(mask: Any, segments: Any) -> Any:

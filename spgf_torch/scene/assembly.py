@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from spgf_torch.scene.cloud import Cloud, checked, vectors, voxel_means
 from spgf_torch.scene.degenerate import flat_hint, why_no_grasp
 from spgf_torch.scene.depth_files import is_depth
 from spgf_torch.scene.files import read_clouds
-from spgf_torch.scene.gravity import AUTO, Gravity, gravity_of
+from spgf_torch.scene.gravity import Gravity, gravity_of
 from spgf_torch.scene.meshes import as_cloud, is_mesh, sampled, sensed
 from spgf_torch.scene.normals import neighbourhoods, oriented
 from spgf_torch.scene.plausible import check_depth_image, size_notes
@@ -22,14 +23,12 @@ from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.selection import is_target, table_of, targeted, viewpoints_of
 from spgf_torch.scene.surfaces import stride_of, surfaces
 from spgf_torch.scene.table import height
-from spgf_torch.scene.viewpoint import check_side, with_viewpoint
+from spgf_torch.scene.viewpoint import ahead_of, check_side, with_viewpoint
 from spgf_torch.scene.views import View, files_of, read_views
 from spgf_torch.sensing.texlets import Texlets, thin
 
 # Points further apart than this much of the texlets' spacing leave many a texlet with one point, which then must do.
 _SPARSE = 0.85
-# Cosine: a table of poses in a frame with z up is less tilted than 45 deg.
-_LEVEL = np.cos(np.deg2rad(45))
 # m; texlets and grasps are float32, exact to 0.03 mm there.
 _FAR = 1000.0
 
@@ -50,7 +49,7 @@ def read_scene(config: SceneConfig, sensing: SensingConfig, generator: np.random
     if any(is_depth(path, config) for path in paths):
         _unused(config, "viewpoints", "point clouds")
         return scene_of_views(read_views(paths, config), config, sensing, generator)
-    for key in ("poses", "stride"):
+    for key in ("poses", "stride", "depth_scale"):
         _unused(config, key, "depth images, which need intrinsics")
     meshes = [path for path in paths if is_mesh(path, config)]
     if len(meshes) == 1 == len(paths) and (cloud := as_cloud(meshes[0], config)) is not None:
@@ -86,6 +85,7 @@ def scene_of_clouds(
         viewpoints = vectors("viewpoints", np.atleast_2d(np.array(config.viewpoints, dtype=object)).tolist(), (None, 3))
         clouds = [replace(cloud, viewpoints=viewpoints) for cloud in clouds]
     clouds = [checked(cloud) for cloud in clouds]
+    named = _named([cloud.labels for cloud in clouds])
     notes = [f"{cloud.name}: {note}" for cloud in clouds for note in cloud.notes]
     read = sum(map(len, clouds))
     clouds, told = targeted(clouds, config)
@@ -95,8 +95,7 @@ def scene_of_clouds(
     raw, clouds = clouds, [voxel_means(cloud, config.voxel) for cloud in clouds]
     notes.append(f"voxels of {config.voxel:g} m: {sum(map(len, clouds))} points of {read}")
     clouds = [with_viewpoint(cloud, before, config, notes) for cloud, before in zip(clouds, raw, strict=True)]
-    ahead = float(np.concatenate([cloud.points[:, 2] for cloud in clouds]).mean())
-    gravity = gravity_of(config, viewpoints_of(clouds), ahead=ahead)
+    gravity = gravity_of(config, viewpoints_of(clouds), ahead=ahead_of(clouds))
     table = table_of(clouds, config, generator, gravity, notes)
     targets, obstacles = _apart(clouds, table, config)
     before_outliers = sum(map(len, targets))
@@ -118,7 +117,8 @@ def scene_of_clouds(
             sensing = replace(sensing, min_members=1)
         notes += size_notes(facing, None, config, table is not None)
     around = _Around(obstacles, table, gravity, viewpoints_of(clouds))
-    return _thinned(facing, around, notes, config, sensing, generator, why)
+    scene = _thinned(facing, around, notes, config, sensing, generator, why)
+    return _with_lost(scene, named)
 
 
 def scene_of_views(
@@ -143,28 +143,38 @@ def scene_of_views(
         )
     clouds, told = targeted([cloud for cloud in clouds if len(cloud)], config)
     notes += told
-    notes.insert(0, f"stride: every {', '.join(map(str, strides))} pixels of the depth images")
+    if max(strides) > 1:
+        notes.insert(0, f"stride: every {', '.join(map(str, strides))} pixels of the depth images")
     gravity = gravity_of(config, None, [view.camera.T_object_camera[:3, :3] for view in views])
+    if gravity is not None and gravity.doubt:
+        notes.append(f"warning: {gravity.doubt}")
     table = table_of(clouds, config, generator, gravity, notes)
-    if table is not None and config.gravity == AUTO:
-        notes += _pose_notes(views, table)
     targets, obstacles = _apart(clouds, table, config)
     notes += size_notes(targets, views, config, table is not None)
     around = _Around(obstacles, table, gravity, viewpoints_of(clouds))
     why = why_no_grasp(targets, targets, table, config)
-    return _thinned(targets, around, notes, config, sensing, generator, why)
+    scene = _thinned(targets, around, notes, config, sensing, generator, why)
+    return _with_lost(scene, _named([view.labels for view in views]))
 
 
-def _pose_notes(views: Sequence[View], table: np.ndarray) -> list[str]:
-    """A warning where cameras have poses, but the table is far from level in their frame."""
-    posed = any(not np.allclose(view.camera.T_object_camera, np.eye(4)) for view in views)
-    if not posed or table[2] > _LEVEL:
-        return []
-    tilt = np.rad2deg(np.arccos(np.clip(table[2], -1, 1)))
-    return [
-        f"warning: the table is tilted {tilt:.0f} deg from z: is z not up, or "
-        "are poses not T_input_camera with the camera's z ahead and y down (OpenGL's have z back; inverted ones)?"
+def _named(labels: Sequence[np.ndarray | None]) -> dict[int, int]:
+    """The targets that labels name, and how many points or pixels each has."""
+    counted: Counter[int] = Counter()
+    for part in labels:
+        if part is not None:
+            counted.update(dict(zip(*(a.tolist() for a in np.unique(part[part > 0], return_counts=True)), strict=True)))
+    return dict(counted)
+
+
+def _with_lost(scene: Scene, named: dict[int, int]) -> Scene:
+    """The scene with a line for each target of which nothing is left."""
+    lost = [
+        f"warning: target {number}: nothing left of {count} points: on the table, outside of the crop box, without a "
+        "reading, or too few together"
+        for number, count in sorted(named.items())
+        if number not in scene.targets
     ]
+    return replace(scene, notes=(*scene.notes, *lost)) if len(named) > 1 else scene
 
 
 def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator) -> Scene:
@@ -230,6 +240,7 @@ def _thinned(
     label = np.concatenate([np.ones(len(c), np.int32) if c.labels is None else c.labels for c in clouds])
     numbers = np.unique(label).tolist() or [1]
     parts = {k: thin(points[label == k], normals[label == k], sensing, generator) for k in numbers}
+    parts = {k: part for k, part in parts.items() if len(part)} or {numbers[0]: parts[numbers[0]]}
     if not any(map(len, parts.values())) and no_grasp is None:
         raise InputError(
             f"{clouds[0].name}: expected {sensing.min_members} points within {sensing.spacing:g} m somewhere, got "

@@ -29,6 +29,7 @@ class Cloud:
         labels: (N,) int32, the target that each point is of, 0: of none, an obstacle; None: all are the target.
         pixels: (N, 2) int32 row and column, where the points are those of an image; None: not known.
         notes: what the reader left out or took for something, a line each.
+        guessed: whether the viewpoints tell the side that was seen, but not from how far.
     """
 
     points: np.ndarray
@@ -38,6 +39,7 @@ class Cloud:
     labels: np.ndarray | None = None
     pixels: np.ndarray | None = None
     notes: tuple[str, ...] = ()
+    guessed: bool = False
 
     def __len__(self) -> int:
         return len(self.points)

@@ -111,6 +111,10 @@ def in_metres(
         unit: of lengths, m, cm or mm; of counts too where it is not m.
         stated: the camera's file.
     """
+    if not file.counts and scale is not None:
+        raise InputError(
+            f"depth_scale: expected with whole numbers, which are counts, got {scale:g} for floats; unit= is theirs"
+        )
     if not file.counts:
         return file.values.astype(np.float64) * METRES[unit], []
     known = file.depth_scale if stated is None or stated.depth_scale is None else stated.depth_scale
@@ -164,6 +168,8 @@ def _of_pixels(path: Path, pixels: np.ndarray) -> DepthFile:
 def _of_array(path: Path, name: str, array: np.ndarray, limit: int) -> DepthFile:
     array = flat(str(path), array)
     check_pixels(path, array.shape, limit)
+    if array.shape[1] == 3 < array.shape[0]:
+        raise InputError(f"{path}: expected a depth image (H, W), got {len(array)} points; leave intrinsics out")
     if not counts_array(f"{path}: {name}", array):
         return DepthFile(array, False)
     return DepthFile(array, True, told=True)

@@ -18,17 +18,24 @@ _CAMERA_DEG = 30.0
 _CAMERA_UP = np.array([0.0, -1.0, -1.0]) / np.sqrt(2)
 # m; a viewpoint as near to the origin is that of a camera's own frame.
 _ORIGIN = 1e-3
-# Cosine: z of the frame is taken for up where the cameras' own idea of up is this near.
-_ALIKE = 0.5
+# Length of the mean of unit vectors, above which they agree. deg between z and what cameras take for up: more is odd.
+_ALIKE, _APART_DEG = 0.5, 75.0
 
 
 @dataclass(frozen=True)
 class Gravity:
-    """Attributes: up (3,) unit, against gravity; within_deg: how far off it may be; words: whence it is known."""
+    """What is up.
+
+    Attributes:
+        up: (3,) unit, against gravity. within_deg: how far off it may be.
+        words: whence it is known. doubt: what speaks against it; "" nothing. given: by the user.
+    """
 
     up: np.ndarray
     within_deg: float
     words: str
+    doubt: str = ""
+    given: bool = False
 
     @property
     def steepest(self) -> float:
@@ -36,15 +43,18 @@ class Gravity:
         return float(np.sin(np.deg2rad(max(_LEVEL_DEG, self.within_deg))))
 
 
+_UPRIGHT = "the camera's picture is taken to be upright"
+
+
 def gravity_of(
-    config: SceneConfig, viewpoints: np.ndarray | None, turns: Sequence[np.ndarray] = (), ahead: float = 1.0
+    config: SceneConfig, viewpoints: np.ndarray | None, turns: Sequence[np.ndarray] = (), ahead: float = 0.0
 ) -> Gravity | None:
     """What is up in the input's frame; None where `gravity` is null.
 
     Args:
         viewpoints: (V, 3) m, of clouds; None: not known.
         turns: (3, 3) R_input_camera of depth images.
-        ahead: mean z of a cloud: below 0 its camera looks along -z, as OpenGL's.
+        ahead: 1 where a cloud lies before a camera at the origin along z, -1 along -z as OpenGL's; 0 elsewhere.
     """
     if config.gravity is None:
         return None
@@ -52,18 +62,26 @@ def gravity_of(
         down = vectors("gravity", config.gravity, (3,))
         if not np.linalg.norm(down) > 0:
             raise InputError(f"gravity: expected a direction other than 0, got {config.gravity!r}")
-        return Gravity(-down / np.linalg.norm(down), 0.0, "gravity is given")
+        return Gravity(-down / np.linalg.norm(down), 0.0, "by gravity as given", given=True)
     if config.gravity != AUTO:
         raise InputError(f"gravity: expected auto, null or [x,y,z], got {config.gravity}")
-    upright = Gravity(np.array([0.0, 0.0, 1.0]), 0.0, "z is taken for up")
     if len(turns):
-        mean = np.mean([turn @ _CAMERA_UP for turn in turns], axis=0)
-        own = all(np.allclose(turn, np.eye(3)) for turn in turns)
-        if np.linalg.norm(mean) < _ALIKE or (not own and mean[2] > _ALIKE * np.linalg.norm(mean)):
-            return upright
-        return Gravity(mean / np.linalg.norm(mean), _CAMERA_DEG, "the camera's picture is taken to be upright")
-    if viewpoints is not None and (np.linalg.norm(viewpoints, axis=1) < _ORIGIN).all():
-        return Gravity(
-            _CAMERA_UP * (1 if ahead >= 0 else -1), _CAMERA_DEG, "the camera's picture is taken to be upright"
-        )
-    return upright
+        return _of_cameras(turns)
+    if viewpoints is not None and (np.linalg.norm(viewpoints, axis=1) < _ORIGIN).all() and ahead:
+        return Gravity(_CAMERA_UP * np.sign(ahead), _CAMERA_DEG, _UPRIGHT)
+    return Gravity(np.array([0.0, 0.0, 1.0]), 0.0, "z is taken for up")
+
+
+def _of_cameras(turns: Sequence[np.ndarray]) -> Gravity:
+    """Of depth images: z in the frame of poses; in a camera's own, half-way between its picture's up and backwards."""
+    mean = np.mean([turn @ _CAMERA_UP for turn in turns], axis=0)
+    length = float(np.linalg.norm(mean))
+    if all(np.allclose(turn, np.eye(3)) for turn in turns):
+        return Gravity(mean / length, _CAMERA_DEG, _UPRIGHT)
+    apart = float(np.rad2deg(np.arccos(np.clip(mean[2] / max(length, 1e-9), -1, 1))))
+    doubt = (
+        f"poses: z and the pictures' up are {apart:.0f} deg apart: is z up, and are they T_input_camera with the "
+        "camera's z ahead and y down (not OpenGL's, not inverted)? a rolled camera is fine; else gravity=[x,y,z]"
+    )
+    likely = length > _ALIKE and apart > _APART_DEG  # cameras all around have no common up
+    return Gravity(np.array([0.0, 0.0, 1.0]), 0.0, "z is taken for up", doubt if likely else "")

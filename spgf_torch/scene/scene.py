@@ -58,7 +58,9 @@ class Scene:
         return tuple(torch.unique(self.labels).tolist())
 
     def of(self, target: int) -> Scene:
-        """The scene with one of its targets; the others are obstacles."""
+        """The scene with one of its targets; the others are obstacles. InputError for a number that is none of them."""
+        if target not in self.targets:
+            raise InputError(f"target: expected one of {', '.join(map(str, self.targets)) or 'none'}; got {target!r}")
         own = self.labels == target
         others = self.texlets.positions[~own]
         return replace(
@@ -79,10 +81,10 @@ class Scene:
         sensing: SensingConfig | None = None,
         **changes: Any,
     ) -> Scene:
-        """The scene that a point cloud shows.
+        """The scene that a point cloud shows, or several in lists, such as one a view.
 
         Args:
-            points: (N, 3), or (H, W, 3) as an image of points, m; NaN, infinity and 0 0 0: no reading.
+            points: (N, 3), or (H, W, 3) as an image of points, m (or `unit`); NaN, infinity and 0 0 0: no reading.
             viewpoints: (3,) or (V, 3), where it was seen from, m, same frame; None: told by the points, or refused.
             normals: in the shape of the points, out of the surface; None: estimated.
             mask: (N,) or (H, W), not 0: the target, 0: an obstacle; None: all is the target.
@@ -93,11 +95,12 @@ class Scene:
         Raises:
             InputError, in one line, for whatever cannot be used.
         """
-        from spgf_torch.scene.arrays import cloud_of_arrays, mask_labels
+        from spgf_torch.scene.arrays import clouds_of_arrays
         from spgf_torch.scene.assembly import scene_of_clouds
 
-        cloud = cloud_of_arrays(points, normals, viewpoints, mask_labels(mask, segments))
-        return _told(scene_of_clouds([cloud], settings(SceneConfig, **changes), *_defaults(sensing)))
+        config = settings(SceneConfig, **changes)
+        clouds = clouds_of_arrays(points, normals, viewpoints, mask, segments, config)
+        return _told(scene_of_clouds(clouds, config, *_defaults(sensing)))
 
     @staticmethod
     def from_depth(
@@ -113,7 +116,7 @@ class Scene:
         """The scene that a depth image shows, or several in lists.
 
         Args:
-            depth: (H, W) floats in m, or whole numbers of `depth_scale`; 0, negative or not finite: no return.
+            depth: (H, W) floats in m (or `unit`), or whole numbers of `depth_scale`; 0, negative, not finite: nothing.
             K: (3, 3) in pixels, of rectified images; one, or one an image.
             T_input_camera: (4, 4) the camera's pose, m; None: the scene's frame is the camera's.
             mask: (H, W), not 0: the target, 0: an obstacle; None: all is the target.
@@ -127,7 +130,7 @@ class Scene:
         from spgf_torch.scene.assembly import scene_of_views
 
         config = settings(SceneConfig, **changes)
-        views = views_of_arrays(depth, K, T_input_camera, mask, segments, config.depth_scale)
+        views = views_of_arrays(depth, K, T_input_camera, mask, segments, config)
         return _told(scene_of_views(views, config, *_defaults(sensing)))
 
     @staticmethod

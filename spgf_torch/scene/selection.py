@@ -11,11 +11,15 @@ from spgf_torch.config import InputError, SceneConfig
 from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, vectors
 from spgf_torch.scene.gravity import AUTO, Gravity, gravity_of
-from spgf_torch.scene.table import find_table, given_plane, height
+from spgf_torch.scene.table import FoundTable, best_plane, find_table, given_plane, height
+from spgf_torch.scene.viewpoint import ahead_of
 
 # Extents of a cloud from the origin to it; a cloud further off has coordinates of a map, which no other unit mends.
 _FAR_EXTENTS = 100.0
 _FAR = 1000.0  # m
+# Of all points, those on a table that was given: fewer, and it touches nothing that was sensed.
+_TOUCHED = 0.02
+_MOSTLY = 0.5
 # m around the target as far as a hand with its way to it reaches; what is beyond is no obstacle and no table.
 _REACH = 0.6
 # Of the points off the table, those on the side of the cameras: fewer, and the cameras are on the wrong side.
@@ -132,20 +136,16 @@ def table_of(
         InputError: none is found; nothing of a target is above it; the viewpoints are below it.
     """
     if config.table is None:
-        if gravity is not None:
-            notes.append(
-                "no table: none given (table=[a,b,c,d]) and none looked for (table=find); grasps from below only where "
-                f"there are no others ({gravity.words}; gravity=[x,y,z] says otherwise, gravity=null allows them)"
-            )
+        notes.append(_without_table(gravity))
         return None
     points = np.concatenate([cloud.points for cloud in clouds])
     target = np.concatenate([is_target(cloud) for cloud in clouds])
-    seen_from = viewpoints_of(clouds)
+    seen_from = viewpoints_of(clouds, guessed=True)
     doubts: tuple[str, ...] = ()
     if isinstance(config.table, str) and config.table == "find":
         named = None if target.all() else target
         out = None if seen_from is None else seen_from.mean(axis=0)
-        found = find_table(points, out, config, generator, None if gravity is None else gravity.up, named)
+        found = _found(points, out, config, generator, gravity, named)
         plane, doubts = found.plane, found.doubts
     elif isinstance(config.table, str):
         raise InputError(f"table: expected null, find or [a,b,c,d], got {config.table}")
@@ -154,15 +154,53 @@ def table_of(
     over = height(points, plane)
     if not (over[target] > config.table_distance).any():
         _check_table_side(over, seen_from, config)
-        raise InputError(f"table: expected points more than {config.table_distance:g} m above the plane, got none")
-    if gravity is None:  # hands may come from below, but a table is level all the same
-        up = gravity_of(replace(config, gravity=AUTO), seen_from, ahead=float(points[:, 2].mean()))
-    else:
-        up = gravity
+        under = config.table != "find" and bool((over[target] < -config.table_distance).any())
+        raise InputError(
+            f"table: expected points more than {config.table_distance:g} m above the plane, got none"
+            f"{'; turn the sign of all four numbers?' if under else ''}"
+        )
+    # Hands may come from below (gravity=null), but a table is level all the same.
+    up = gravity or gravity_of(replace(config, gravity=AUTO), viewpoints_of(clouds), ahead=ahead_of(clouds))
     assert up is not None
-    notes.extend(_table_notes(plane, over, seen_from, up, config.table_distance))
+    notes.extend(_table_notes(plane, over, viewpoints_of(clouds), up, config.table_distance))
+    if config.table != "find":
+        notes.extend(_missed(plane, points, config))
     notes.extend(f"warning: table: {doubt}; if that is not it, give table=[a,b,c,d]" for doubt in doubts)
     return plane
+
+
+def _without_table(gravity: Gravity | None) -> str:
+    none = "no table: none given (table=[a,b,c,d]), none looked for (table=find)"
+    if gravity is None:
+        return f"{none}; hands may come from below and through what is not seen (gravity=null)"
+    how = "" if gravity.given else "; gravity=[x,y,z] or null otherwise"
+    return f"{none}; from below only where there is nothing else ({gravity.words}{how})"
+
+
+def _found(
+    points: np.ndarray,
+    out: np.ndarray | None,
+    config: SceneConfig,
+    generator: np.random.Generator,
+    gravity: Gravity | None,
+    target: np.ndarray | None,
+) -> FoundTable:
+    """The table among the points; one that is not level by an up that is only assumed, if there is no other."""
+    if gravity is None:
+        return find_table(points, out, config, generator, None, target)
+    try:
+        return find_table(points, out, config, generator, gravity.up, target)
+    except InputError as error:
+        if gravity.given:
+            raise InputError(f"{error} (level {gravity.words}: {_list(-gravity.up)}, which points down)") from None
+        try:
+            return find_table(points, out, config, generator, None, target)
+        except InputError:
+            raise error from None
+
+
+def _list(vector: np.ndarray) -> str:
+    return f"[{', '.join(f'{x + 0.0:.3g}' for x in vector)}]"
 
 
 def _check_table_side(over: np.ndarray, seen_from: np.ndarray | None, config: SceneConfig) -> None:
@@ -176,6 +214,20 @@ def _check_table_side(over: np.ndarray, seen_from: np.ndarray | None, config: Sc
         )
 
 
+def _missed(plane: np.ndarray, points: np.ndarray, config: SceneConfig) -> list[str]:
+    """A warning where a plane that was given holds next to none of the points, but another holds most."""
+    on = float((np.abs(height(points, plane)) <= config.table_distance).mean())
+    found = best_plane(points, config, np.random.default_rng(0))
+    if found is None or on > _TOUCHED or found.share < _MOSTLY or found.width < config.table_width:
+        return []
+    away = float(np.median(height(points[found.on], plane)))
+    tilt = float(np.rad2deg(np.arccos(np.clip(abs(found.plane[:3] @ plane[:3]), 0, 1))))
+    return [
+        f"warning: table: {on:.0%} of the points lie on the one given; the plane that holds {found.share:.0%} of them "
+        f"lies {abs(away):.3f} m {'above' if away > 0 else 'below'} it, tilted {tilt:.0f} deg against it"
+    ]
+
+
 def _table_notes(
     plane: np.ndarray, over: np.ndarray, seen_from: np.ndarray | None, gravity: Gravity, near: float
 ) -> list[str]:
@@ -184,7 +236,7 @@ def _table_notes(
     Args:
         over: (N,) m, of all points above it. near: table_distance, m.
     """
-    equation = ", ".join(f"{value:.4f}" for value in plane)
+    equation = ", ".join(f"{round(value, 4) + 0.0:.4f}" for value in plane)
     on, below = (int(which.sum()) for which in (np.abs(over) <= near, over < -near))
     tilt = float(np.rad2deg(np.arccos(np.clip(plane[:3] @ gravity.up, -1, 1))))
     eye = (
@@ -207,7 +259,11 @@ def _table_notes(
     return notes
 
 
-def viewpoints_of(clouds: Sequence[Cloud]) -> np.ndarray | None:
-    """(V, 3) all viewpoints of the clouds, each once; None if none is known."""
-    known = [cloud.viewpoints for cloud in clouds if cloud.viewpoints is not None]
+def viewpoints_of(clouds: Sequence[Cloud], guessed: bool = False) -> np.ndarray | None:
+    """(V, 3) all viewpoints of the clouds, each once; None if none is known.
+
+    Args:
+        guessed: also those of which only the side is known.
+    """
+    known = [c.viewpoints for c in clouds if c.viewpoints is not None and (guessed or not c.guessed)]
     return np.unique(np.concatenate(known), axis=0) if known else None

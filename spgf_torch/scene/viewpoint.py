@@ -48,6 +48,8 @@ _LOOKS_UP = -0.1
 _HOLLOW = 0.25
 # A table tells the side where nearly all that is not on it lies on one side, and there is something.
 _ABOVE, _SOMETHING = 0.97, 0.01
+# Points with neighbours, fewer of which tell nothing.
+_FEWEST = 10
 # Cosine: cameras that see a table look down on it by 10 deg at least; points on it that a shape is told from.
 _OVER, _FEW = 0.17, 30
 # Rows and columns of an image meet their rays' origin to this share of the distance, if it is one camera's image.
@@ -56,10 +58,11 @@ _PINHOLE, _PIXELS = 0.01, 200
 
 @dataclass(frozen=True)
 class Side:
-    """Where a cloud was seen from: eye (3,), m, or a place far out on that side; words for people."""
+    """Where a cloud was seen from: eye (3,), m, or, if guessed, a place far out on that side; words for people."""
 
     eye: np.ndarray
     words: str
+    guessed: bool = True
 
 
 def with_viewpoint(cloud: Cloud, raw: Cloud, config: SceneConfig, notes: list[str]) -> Cloud:
@@ -85,7 +88,13 @@ def with_viewpoint(cloud: Cloud, raw: Cloud, config: SceneConfig, notes: list[st
             "tell from where it was seen; give viewpoints=[[x,y,z],...], where the camera was in the cloud's frame"
         )
     notes.append(f"viewpoint: {cloud.name} does not say it; {side.words}")
-    return replace(cloud, viewpoints=side.eye[None])
+    return replace(cloud, viewpoints=side.eye[None], guessed=side.guessed)
+
+
+def ahead_of(clouds: Sequence[Cloud]) -> float:
+    """1 where the clouds lie before a camera at the origin along z, -1 along -z, 0 where its frame is no camera's."""
+    points = np.concatenate([cloud.points for cloud in clouds])
+    return float(np.sign(points[:, 2].mean())) if _optical(points, _WIDEST) else 0.0
 
 
 def check_side(cloud: Cloud, config: SceneConfig, notes: list[str]) -> None:
@@ -96,7 +105,7 @@ def check_side(cloud: Cloud, config: SceneConfig, notes: list[str]) -> None:
         notes: gets a warning where they look inwards, but nothing tells the other side: the inside of a bin.
     """
     assert cloud.normals is not None and cloud.viewpoints is not None
-    if len(cloud) < 10 or (found := outwardness(cloud.points, cloud.normals)) >= _DOUBTFUL:
+    if len(cloud) < _FEWEST or (found := outwardness(cloud.points, cloud.normals)) >= _DOUBTFUL:
         return
     some = _unsigned(cloud, config)
     side = _of_shape(_looked_at(*some, list(sphere(_SIDES))), *some)
@@ -127,15 +136,19 @@ def _of_grid(cloud: Cloud) -> Side | None:
     if not len(apart):
         return None
     even = np.abs(apart / np.median(apart) - 1) < _EVEN
-    return Side(np.zeros(3), _ORIGIN) if even.mean() >= _GRID else None
+    return Side(np.zeros(3), _ORIGIN, guessed=False) if even.mean() >= _GRID else None
 
 
 def _of_frame_or_shape(cloud: Cloud, config: SceneConfig) -> Side | None:
     points, normals, pitch = _unsigned(cloud, config)
-    if len(points) < 10:
-        return None
+    if len(points) < _FEWEST:
+        raise InputError(
+            f"{cloud.name}: expected points with {config.min_neighbours} others within {config.normal_radius:g} m, got "
+            f"{len(points)} of {len(cloud)}; a denser cloud, or a larger normal_radius, and normals or "
+            "viewpoints=[[x,y,z],...]"
+        )
     plane, optical = _of_plane(points, normals, pitch, config), _optical(cloud.points, _USUAL)
-    origin = Side(np.zeros(3), _ORIGIN)
+    origin = Side(np.zeros(3), _ORIGIN, guessed=False)
     if plane is not None:
         return origin if optical and _alike(np.zeros(3), plane.eye, points, normals, pitch) else plane
     looks = _looked_at(points, normals, pitch, list(sphere(_SIDES)))
@@ -282,7 +295,7 @@ def _of_pixels(cloud: Cloud) -> Side | None:
     eye = middle + size * centre[:3] / centre[3]
     if error > _PINHOLE:
         return None
-    return Side(eye, f"its pixels' rays meet at ({', '.join(f'{v:.3f}' for v in eye)}) m")
+    return Side(eye, f"its pixels' rays meet at ({', '.join(f'{v:.3f}' for v in eye)}) m", guessed=False)
 
 
 def _differ(a: np.ndarray, b: np.ndarray, weight: np.ndarray | None = None) -> float:

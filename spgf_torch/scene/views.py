@@ -143,5 +143,6 @@ def files_of(name: str, given: object) -> list[Path]:
     if isinstance(given, (str, Path)):
         return [find(given)]
     if not isinstance(given, (list, tuple)) or not given or not all(isinstance(each, (str, Path)) for each in given):
-        raise InputError(f"{name}: expected a file or a list of files, got {given!r}")
+        hint = "; arrays go into spgf_torch.Scene.from_depth or from_points" if np.ndim(given) > 1 else ""  # type: ignore[arg-type]
+        raise InputError(f"{name}: expected a file or a list of files, got {str(given)[:60]}{hint}")
     return [find(each) for each in given]

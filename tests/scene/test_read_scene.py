@@ -142,7 +142,7 @@ def test_notes_and_plane_of_a_scene_on_a_table(cloud: Path, tmp_path: Path) -> N
         ({"mask": "m.png", "segments": "m.png"}, "mask: expected mask or segments, got both"),
         ({"poses": "T.txt"}, "poses: expected with depth images"),
         ({"stride": 2}, "stride: expected with depth images"),
-        ({"intrinsics": "K.txt"}, "K.txt: expected a file, got nothing there"),
+        ({"intrinsics": "K.txt"}, r"ball.npy: expected a depth image \(H, W\), got \d+ points; leave intrinsics out"),
         ({"normal_radius": 0.001, "viewpoints": [[0, 0, 1]]}, "give a larger normal_radius"),
         ({"table": "find", "viewpoints": [[0, 0, 1]]}, "table: expected a plane with 20% of the points"),
     ],

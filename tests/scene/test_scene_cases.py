@@ -92,8 +92,8 @@ RIGHT: list[tuple[str, dict, tuple[float, float, float], str]] = [
 
 # What cannot be known to be wrong of one image, but looks so: a warning.
 WARNED: list[tuple[str, dict, str]] = [
-    ("depth_mm.png", POSED | {"poses": "pose_opengl.txt"}, "warning: the table is tilted 180 deg from z"),
-    ("depth_mm.png", POSED | {"poses": "pose_world_to_cam.txt"}, "warning: the table is tilted 98 deg from z"),
+    ("depth_mm.png", POSED | {"poses": "pose_opengl.txt"}, "warning: poses: z and the pictures' up are 174 deg apart"),
+    ("depth_mm.png", POSED | {"poses": "pose_world_to_cam.txt"}, "warning: poses: z and the pictures' up are"),
     ("depth_mm.png", {"intrinsics": "K.txt", "mask": "mask_inverted.png"}, "inverted?"),
 ]
 
@@ -104,7 +104,7 @@ REFUSED: list[tuple[str, dict, str]] = [
     ("cloud.pts", {}, "give a larger normal_radius"),
     ("paraview.csv", {}, "give a larger normal_radius"),
     ("semicolon_decimal_comma.csv", {}, "give a larger normal_radius"),
-    ("dup_x20.npy", {}, r"give viewpoints=\[\[x,y,z\],...\]"),
+    ("dup_x20.npy", {}, r"larger normal_radius, and normals or viewpoints=\[\[x,y,z\],...\]"),
     ("xyzrgb01.xyz", {}, r"give viewpoints=\[\[x,y,z\],...\]"),
     ("three_by_n.npy", {}, "transpose it"),
     ("utm.xyz", {}, "subtract an offset"),
@@ -116,7 +116,7 @@ REFUSED: list[tuple[str, dict, str]] = [
     ("depth_neg.npy", {"intrinsics": "K240.txt"}, "change the sign"),
     ("depth_mm.png", {"intrinsics": "K640.txt"}, "principal point"),
     ("depth_mm.png", {}, "intrinsics: expected the file of K"),
-    ("depth_mm.png", POSED | {"mask": "mask_inverted.png"}, "above the plane, got none"),
+    ("depth_mm.png", POSED | {"mask": "mask_inverted.png"}, "table: expected a plane"),
 ]
 
 # The unit is another: told in a warning, or refused, in any case with depth_scale.

@@ -1,6 +1,8 @@
 """Scenes: a mask, a crop box and segments mark targets, the rest stays an obstacle, the table is found before."""
 
 import json
+import re
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -122,18 +124,24 @@ def test_without_a_table_it_is_said_and_what_is_up(image: tuple[np.ndarray, Came
     depth, camera, labels = image
     scene = Scene.from_depth(depth, camera.K, camera.T_object_camera, mask=labels == 1)
     assert scene.gravity is not None and scene.gravity.up.tolist() == [0, 0, 1]
-    assert sum(note.startswith("no table: none given") and "gravity=null" in note for note in scene.notes) == 1
+    assert sum(note.startswith("no table: none given") and "z is taken for up" in note for note in scene.notes) == 1
     assert (scene.obstacles[:, 2] < 0.005).sum() > 1000  # the table is an obstacle like any other
     free = Scene.from_depth(depth, camera.K, camera.T_object_camera, mask=labels == 1, gravity=None)
-    assert free.gravity is None and not any("no table" in note for note in free.notes)
+    assert free.gravity is None
+    assert any("no table" in note and "hands may come from below" in note for note in free.notes)
 
 
 def test_a_table_that_looks_level_to_nobody_is_warned_of(image: tuple[np.ndarray, Camera, np.ndarray]) -> None:
     """OpenGL's pose: the same camera with y up and z back."""
     depth, camera, _ = image
     T = camera.T_object_camera @ np.diag([1.0, -1, -1, 1])
-    with pytest.warns(UserWarning, match=r"tilted \d+ deg from z: .*OpenGL's"):
-        Scene.from_depth(depth, camera.K, T, table="find")
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        scene = Scene.from_depth(depth, camera.K, T, table="find")
+    words = [str(each.message) for each in told]
+    assert any(re.search(r"z and the pictures' up are \d+ deg apart: .*OpenGL's", word) for word in words)
+    assert any(re.search(r"^table: tilted \d+ deg", word) for word in words)
+    assert sum(note.startswith("warning: ") for note in scene.notes) == len(words)
 
 
 @pytest.mark.parametrize(
@@ -141,7 +149,7 @@ def test_a_table_that_looks_level_to_nobody_is_warned_of(image: tuple[np.ndarray
     [
         ({"table": "floor"}, "table: expected null, find"),
         ({"gravity": "up"}, "gravity: expected auto, null"),
-        ({"tabel": "find"}, "expected a key of SceneConfig, got tabel"),
+        ({"tabel": "find"}, r"tabel: expected a key of SceneConfig, got tabel; did you mean table\?"),
         ({"mask": np.zeros((4, 4), bool)}, "mask: expected"),
         ({"segments": np.zeros((240, 320), int)}, "segments: expected"),
         ({"mask": np.ones((240, 320)), "segments": np.ones((240, 320), int)}, "expected mask or segments, got both"),
