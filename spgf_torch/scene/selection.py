@@ -204,8 +204,8 @@ def _table_notes(
     off_z = float(np.rad2deg(np.arccos(np.clip(plane[2], -1, 1))))
     if gravity.within_deg and seen_from is not None and np.abs(seen_from).max() > _OWN_FRAME and off_z > _TILTED:
         notes.append(
-            f"warning: table: its normal is {off_z:.0f} deg off the z of the frame that the poses or viewpoints are given "
-            "in; are the poses T_input_camera, z forward and y down in the camera, not their inverse?"
+            f"warning: table: its normal is {off_z:.0f} deg off z of the frame of the poses or viewpoints; "
+            "are the poses T_input_camera, z forward and y down in the camera, not their inverse?"
         )
     if below > _BELOW * len(over):
         notes.append(
