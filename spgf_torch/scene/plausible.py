@@ -27,12 +27,14 @@ _ON = (0.00003, 0.0005, 0.0015, 0.004)
 _MORE = 0.15
 # Pixels that make a plane; and the least volume of three pixels' rays that fixes one.
 _LEAST, _FLAT = 30, 1e-9
+# Of the numbers, those that differ: fewer, and they are rounded.
+_ROUNDED = 0.8
 # A metre in the steps that cameras count in: numbers that end at exactly 1 between these steps are no metres.
 _STEPS, _BETWEEN = 20_000, 0.02
 # m; the usual median depth of cameras for grasping, and of the middle one of the three sides of what stands on a table;
-# e-fold spreads of both. Of 150 scenes of our objects 0.3 to 1.0 m away, what is less usual than this many spreads in
+# e-fold spreads of both, and of the side where the depth is not known. Of 150 scenes of our objects 0.3 to 1.0 m away, what is less usual than this many spreads in
 # one direction was none.
-_DEPTH, _SIDE, _SPREAD = 0.6, 0.08, 0.5
+_DEPTH, _SIDE, _SPREAD, _SPREAD_ALONE = 0.6, 0.08, 0.5, 0.85
 _NEAR, _FAR = -2.4, 1.8
 # m; median depths beyond which no camera for grasping works, whatever it sees.
 _NEAREST, _FARTHEST = 0.15, 1.8
@@ -43,7 +45,7 @@ _LARGE, _SMALL = 3.0, 0.015
 _POINTS, _JOINED, _THING = 2000, 4.0, 0.05
 # Of the points in one plane: more, and it is none of the things.
 _TABLE = 0.3
-# m of its narrow side; less is a side of a thing.
+# m of its narrow side, where the depth tells the scale as well; less is a side of a thing.
 _WIDE = 0.06
 # Counts a metre that cameras and data sets write, beside 1000.
 _COUNTS = {5000: "TUM RGB-D", 4000: "RealSense L515", 10000: "D405, YCB-Video", 100: "centimetres"}
@@ -68,7 +70,9 @@ def check_depth_image(view: View) -> None:
         (z, False, "a depth buffer or disparities: a - b / z in place of z; convert them to metres first"),
         (length / z, True, "distances along the rays in place of z; divide them by the length of the pixel's ray"),
     )
-    for near in _ON:
+    distinct = np.unique(z)  # on rounded numbers every step is a plane
+    step = float(np.median(np.diff(distinct) / distinct[1:])) if len(distinct) < _ROUNDED * len(z) else 0.0
+    for near in (each for each in _ON if each > step):
         metres = _on_planes(ray, 1 / z, near, True)
         for numbers, inverse, words in readings:
             if _on_planes(ray, numbers, near, inverse) > metres + _MORE:
@@ -123,7 +127,8 @@ def size_notes(targets: Sequence[Cloud], views: Sequence[View] | None, config: S
     median = float(np.median(np.concatenate(depths))) if depths else None
     lines = [("" if median is None else f"depth: median {median:.3f} m; ") + f"extent of the target: {size} m"]
     alone = alone or config.mask is not None or config.segments is not None
-    thing = _thing(points if alone else _off_plane(points, config))
+    wide = config.table_width if median is None else _WIDE
+    thing = _thing(points if alone else _off_plane(points, config, wide))
     if _usual(median, thing) and _SMALL <= sides[0] <= _LARGE:
         return lines
     what = f"a target of {size} m" if thing is None else f"things that measure {thing:.2g} m across"
@@ -144,8 +149,10 @@ def _usual(median: float | None, thing: float | None) -> bool:
     """Whether a scene may have this median depth and things of this size, m, as far as they are known."""
     if median is not None and not _NEAREST <= median <= _FARTHEST:
         return False
+    if median is None:
+        return thing is None or bool(_NEAR <= np.log(thing / _SIDE) / _SPREAD_ALONE <= _FAR)
     known = [np.log(value / usual) for value, usual in ((median, _DEPTH), (thing, _SIDE)) if value]
-    return not known or _NEAR <= sum(known) / (_SPREAD * np.sqrt(len(known))) <= _FAR
+    return bool(_NEAR <= sum(known) / (_SPREAD * np.sqrt(len(known))) <= _FAR)
 
 
 def _thing(points: np.ndarray) -> float | None:
@@ -170,9 +177,9 @@ def _sides(points: np.ndarray) -> np.ndarray:
     return np.sort(high - low)[::-1]
 
 
-def _off_plane(points: np.ndarray, config: SceneConfig) -> np.ndarray:
+def _off_plane(points: np.ndarray, config: SceneConfig, wide: float) -> np.ndarray:
     """The points off their largest plane, if that is wide and holds many; none otherwise."""
     found = best_plane(points, config, np.random.default_rng(0))
-    if found is None or found.share < _TABLE or found.width < _WIDE:
+    if found is None or found.share < _TABLE or found.width < wide:
         return points[:0]
     return points[np.abs(height(points, found.plane)) > config.table_distance]
