@@ -5,18 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from spgf_torch.config import SceneConfig
 from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.normals import neighbourhoods, on_lines
-from spgf_torch.scene.table import best_plane
+from spgf_torch.scene.table import best_plane, height
 
 # Spread across over spread along all points, beneath which they are a line; that of a pencil is 0.05.
-_THIN = 0.02
+_THIN = 0.03
 # Of the points that have neighbours, those on lines: more, and the lines are all that there is.
 _LINES = 0.5
-# Of all points in one plane, and of all normals to its side: more, and there is nothing else.
-_PLANE, _ALIKE = 0.98, 0.5
+# Of all points in one plane, and of all normals to its side, unless it is as wide as a table: more, and there may be
+# nothing else.
+_PLANE, _SIDE, _ALIKE = 0.9, 0.98, 0.5
+# What stands off a plane: cells of this side, m, side by side, that hold so many points beyond noise of so many sigma.
+_CELL, _THING, _NOISE = 0.01, 20, 4.0
 # Of the points in one plane: more, in a scene without a table, and it may be one.
 _FLAT = 0.5
 
@@ -42,16 +48,32 @@ def why_no_grasp(
         )
     kept = np.concatenate([cloud.points for cloud in facing])
     normals = np.concatenate([cloud.normals for cloud in facing if cloud.normals is not None])
-    if table is None and len(kept) > 2:
-        found = best_plane(kept, config, np.random.default_rng(0))
-        if found is not None and found.share >= _PLANE:
-            side = normals @ found.plane[:3]
-            if max(float((sign * side > _ALIKE).mean()) for sign in (1, -1)) >= _PLANE:
-                return (
-                    "all points lie in one plane and nothing else is known: a table, a wall, the top of a box? give "
-                    "more of the scene and table=find, or table=[a,b,c,d]"
-                )
+    if table is None and len(kept) > 2 and _flat(kept, normals, config):
+        return (
+            "all points lie in one plane and nothing else is known: a table, a wall, the top of a box? give more of the "
+            "scene and table=find, or table=[a,b,c,d]"
+        )
     return None
+
+
+def _flat(points: np.ndarray, normals: np.ndarray, config: SceneConfig) -> bool:
+    """Whether points (N, 3) with their normals are one plane and nothing that stands out of it."""
+    found = best_plane(points, config, np.random.default_rng(0))
+    if found is None or found.share < _PLANE:
+        return False
+    side = normals @ found.plane[:3]
+    if found.width < config.table_width and max(float((s * side > _ALIKE).mean()) for s in (1, -1)) < _SIDE:
+        return False
+    over = height(points, found.plane)
+    noise = 1.4826 * float(np.median(np.abs(over)))  # sigma of a normal distribution
+    off = points[np.abs(over) > max(config.table_distance, _NOISE * noise)]
+    if len(off) < _THING:
+        return True
+    cells, count = np.unique(np.floor(off / _CELL).astype(np.int64), axis=0, return_counts=True)
+    pairs = cKDTree(cells).query_pairs(np.sqrt(3) + 0.1, output_type="ndarray")
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (len(cells), len(cells)))
+    thing = connected_components(links, directed=False)[1]
+    return bool(np.bincount(thing, weights=count).max() < _THING)
 
 
 def flat_hint(points: np.ndarray, normals: np.ndarray, table: np.ndarray | None, config: SceneConfig) -> str | None:

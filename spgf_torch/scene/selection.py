@@ -28,6 +28,8 @@ _ABOVE = 0.03
 _BELOW = 0.03
 # deg beyond what gravity is known to: tables slope less.
 _TILTED = 22.0
+# m; a viewpoint further from the origin is not that of the camera's own frame.
+_OWN_FRAME = 1e-3
 
 
 def crop_box(config: SceneConfig) -> tuple[np.ndarray, np.ndarray]:
@@ -250,6 +252,12 @@ def _table_notes(
         notes.append(
             f"warning: table: tilted {tilt:.0f} deg ({gravity.words}); a wall, the side of a box, a wrong pose? give "
             "table=[a,b,c,d], poses or gravity=[x,y,z] otherwise"
+        )
+    off_z = float(np.rad2deg(np.arccos(np.clip(plane[2], -1, 1))))
+    if gravity.within_deg and seen_from is not None and np.abs(seen_from).max() > _OWN_FRAME and off_z > _TILTED:
+        notes.append(
+            f"warning: table: its normal is {off_z:.0f} deg off z of the frame of the poses or viewpoints; "
+            "are the poses T_input_camera, z forward and y down in the camera, not their inverse?"
         )
     if below > _BELOW * len(over):
         notes.append(

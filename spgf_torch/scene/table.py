@@ -40,8 +40,8 @@ _STOREY = 0.35
 _PARALLEL = np.cos(np.deg2rad(15))
 # m; how far the target may reach into the table that it stands on: noise. How far it may seem to hang above it.
 _INTO, _ABOVE = 0.02, 0.04
-# Of the target's points, those below its lowest that are noise.
-_LOWEST = 0.02
+# Of the target's points, how many lie below its lowest, by noise, and below its highest, where its mask is too wide.
+_LOWEST, _HIGHEST = 0.02, 0.99
 # m around the target where the plane that it stands on is looked for first.
 _AROUND = 0.2
 # Of the table's points, those of another level plane that may as well be the table.
@@ -49,6 +49,8 @@ _RIVAL = 0.3
 # Of a top's points, those of the table around it where its sides are hidden: fewer, and it is a glimpse of a floor. And
 # of its area, what the table must carry for the top to be part of it.
 _HALF = 0.5
+# m; a plane as narrow as this that holds much is a side of a thing, or a table in another unit.
+_NARROW = 0.15
 # Of the usual points in a cell, fewer are stray ones.
 _FEW = 0.1
 # Of the points within a cell's side of a plane, those on it: fewer, and it is a slice of noise, or of a side.
@@ -225,10 +227,11 @@ def find_table(
         _check_camera(points, out, config, generator, up)
     if not best[0]:
         raise InputError("table: expected a plane among the points, got points on one line")
+    narrow = "another unit or depth_scale? else " if best[0] >= config.table_share and best[1] < _NARROW else ""
     raise InputError(
         f"table: expected a plane with {config.table_share:.0%} of the points and {config.table_width:g} m wide, "
-        f"got at best {best[0]:.0%} and {best[1]:.2g} m, or one that is not level; give table=[a,b,c,d], or null if "
-        "there is none"
+        f"got at best {best[0]:.0%} and {best[1]:.2g} m, or one that is not level; {narrow}give table=[a,b,c,d], or "
+        "null if there is none"
     )
 
 
@@ -238,7 +241,7 @@ def _regions(points: np.ndarray, target: np.ndarray | None) -> list[np.ndarray]:
     if target is None:
         return [everywhere]
     low, high = points[target].min(axis=0) - _AROUND, points[target].max(axis=0) + _AROUND
-    return [((points >= low) & (points <= high)).all(axis=1) & ~target, everywhere & ~target]
+    return [((points >= low) & (points <= high)).all(axis=1), everywhere]
 
 
 def _levels(
@@ -317,13 +320,15 @@ def _touching(things: np.ndarray, near: np.ndarray) -> int:
 
 def _under(target: np.ndarray, levels: Sequence[_Level], most: float) -> FoundTable | None:
     """The plane next below the target (N, 3); None if there is none, or the target hangs more than `most` m above."""
-    lowest = [float(np.quantile(height(target, level.plane), _LOWEST)) for level in levels]
-    below = [i for i, value in enumerate(lowest) if -_INTO < value <= most]
+    low, high = (
+        [float(np.quantile(height(target, level.plane), part)) for level in levels] for part in (_LOWEST, _HIGHEST)
+    )
+    below = [i for i in range(len(levels)) if -_INTO < low[i] <= most and high[i] > _FOOT / 2]
     if not below:
         return None
-    i = min(below, key=lambda i: lowest[i])
-    hangs = f"the lowest that is seen of the target is {lowest[i]:.3f} m above it"
-    return FoundTable(levels[i].plane, (hangs,) if lowest[i] > _ABOVE else ())
+    i = min(below, key=lambda i: abs(low[i]))
+    hangs = f"the lowest that is seen of the target is {low[i]:.3f} m above it"
+    return FoundTable(levels[i].plane, (hangs,) if low[i] > _ABOVE else ())
 
 
 def _chosen(levels: Sequence[_Level]) -> FoundTable:
