@@ -18,7 +18,7 @@ from spgf_torch.scene.files import read_clouds
 from spgf_torch.scene.gravity import Gravity, gravity_of
 from spgf_torch.scene.meshes import as_cloud, is_mesh, sampled, sensed
 from spgf_torch.scene.normals import neighbourhoods, oriented
-from spgf_torch.scene.plausible import check_depth_image, size_notes
+from spgf_torch.scene.plausible import check_depth_image, size_notes, unusual_depth
 from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.selection import is_target, table_of, targeted, viewpoints_of
 from spgf_torch.scene.surfaces import stride_of, surfaces
@@ -128,6 +128,18 @@ def scene_of_views(
 
     The targets' surface points are those of `sensing.texlets.extract`; every other pixel with a return is an obstacle.
     """
+    try:
+        return _scene_of_views(views, config, sensing, generator)
+    except InputError as error:
+        hint = unusual_depth(views) if any((view.depth > 0).any() for view in views) else ""
+        if not hint or "depth_scale" in str(error):
+            raise
+        raise InputError(f"{error}; {hint}") from None
+
+
+def _scene_of_views(
+    views: Sequence[View], config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator
+) -> Scene:
     clouds, strides, notes = [], [], []
     for view in views:
         if view.depth.shape != (view.camera.height, view.camera.width):
@@ -244,7 +256,7 @@ def _thinned(
     if not any(map(len, parts.values())) and no_grasp is None:
         raise InputError(
             f"{clouds[0].name}: expected {sensing.min_members} points within {sensing.spacing:g} m somewhere, got "
-            f"fewer everywhere in {len(points)}; a denser cloud, or another unit or depth_scale?"
+            f"fewer everywhere in {len(points)}; a denser cloud, a smaller stride, or another unit?"
         )
     if len(parts) > 1:
         notes.append(f"targets: {', '.join(f'{k} ({len(part)} texlets)' for k, part in parts.items())}")

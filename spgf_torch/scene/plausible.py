@@ -32,8 +32,8 @@ _ROUNDED = 0.8
 # A metre in the steps that cameras count in: numbers that end at exactly 1 between these steps are no metres.
 _STEPS, _BETWEEN = 20_000, 0.02
 # m; the usual median depth of cameras for grasping, and of the middle one of the three sides of what stands on a table;
-# e-fold spreads of both, and of the side where the depth is not known. Of 150 scenes of our objects 0.3 to 1.0 m away, what is less usual than this many spreads in
-# one direction was none.
+# e-fold spreads of both, and of the side where the depth is not known. Of 150 scenes of our objects 0.3 to 1.0 m away,
+# what is less usual than this many spreads in one direction was none.
 _DEPTH, _SIDE, _SPREAD, _SPREAD_ALONE = 0.6, 0.08, 0.5, 0.85
 _NEAR, _FAR = -2.4, 1.8
 # m; median depths beyond which no camera for grasping works, whatever it sees.
@@ -47,6 +47,8 @@ _POINTS, _JOINED, _THING = 2000, 4.0, 0.05
 _TABLE = 0.3
 # m of its narrow side, where the depth tells the scale as well; less is a side of a thing.
 _WIDE = 0.06
+# Points of what stands on the plane of a cloud: fewer are too sparse to tell its size.
+_MANY = 300
 # Counts a metre that cameras and data sets write, beside 1000.
 _COUNTS = {5000: "TUM RGB-D", 4000: "RealSense L515", 10000: "D405, YCB-Video", 100: "centimetres"}
 
@@ -123,12 +125,12 @@ def size_notes(targets: Sequence[Cloud], views: Sequence[View] | None, config: S
     points = np.concatenate([cloud.points for cloud in targets])
     sides = _sides(points)
     size = " x ".join(f"{side:.3f}" for side in sides)
-    depths = [view.depth[np.isfinite(view.depth) & (view.depth > 0)] for view in views or ()]
-    median = float(np.median(np.concatenate(depths))) if depths else None
+    median = _median(views) if views else None
     lines = [("" if median is None else f"depth: median {median:.3f} m; ") + f"extent of the target: {size} m"]
     alone = alone or config.mask is not None or config.segments is not None
     wide = config.table_width if median is None else _WIDE
-    thing = _thing(points if alone else _off_plane(points, config, wide))
+    apart = points if alone else _off_plane(points, config, wide)
+    thing = _thing(apart) if median is not None or len(apart) >= _MANY else None
     if _usual(median, thing) and _SMALL <= sides[0] <= _LARGE:
         return lines
     what = f"a target of {size} m" if thing is None else f"things that measure {thing:.2g} m across"
@@ -136,13 +138,28 @@ def size_notes(targets: Sequence[Cloud], views: Sequence[View] | None, config: S
         remedy = f"another unit? (unit={config.unit})"
     else:
         what = f"a median depth of {median:.3g} m" + (f" with {what}" if thing is not None else "")
-        counts = [
-            f"{1 / n:g} ({words})"
-            for n, words in _COUNTS.items()
-            if _usual(median * 1000 / n, None if thing is None else thing * 1000 / n)
-        ]
-        remedy = f"depth_scale={' or '.join(counts)} would make it usual" if counts else "another depth_scale or unit?"
+        remedy = _scales(median, thing)
     return [*lines, f"warning: {what} is unusual for grasping; {remedy}"]
+
+
+def unusual_depth(views: Sequence[View]) -> str:
+    """What to try where depth images are refused for something else, but are unusually near or far; "" where not."""
+    median = _median(views)
+    return "" if _usual(median, None) else f"a median depth of {median:.3g} m is unusual: {_scales(median, None)}"
+
+
+def _median(views: Sequence[View]) -> float:
+    return float(np.median(np.concatenate([v.depth[np.isfinite(v.depth) & (v.depth > 0)] for v in views])))
+
+
+def _scales(median: float, thing: float | None) -> str:
+    """The scales of counts that make a median depth, and the size of things, m, usual."""
+    fitting = [
+        f"{1 / n:g} ({words})"
+        for n, words in _COUNTS.items()
+        if _usual(median * 1000 / n, None if thing is None else thing * 1000 / n)
+    ]
+    return f"depth_scale={' or '.join(fitting)} would make it usual" if fitting else "another depth_scale or unit?"
 
 
 def _usual(median: float | None, thing: float | None) -> bool:
