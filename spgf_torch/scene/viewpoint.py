@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from spgf_torch.config import InputError, SceneConfig
+from spgf_torch.scene.camera_centre import AS_ORIGIN, USUAL, WIDEST, Side, of_grid, of_pixels, optical
 from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.normals import (
     BEHIND,
@@ -36,10 +36,6 @@ _BULGE = 0.35
 _CLEAR = 0.05
 # Two sides that turn more of the normals differently are two answers, if one is no clearer than the other by this.
 _DIFFERENT, _CLEARER = 0.1, 0.1
-# Optical frames look along z (or -z, OpenGL's): nearly all points lie within 60 deg of it; within 45 deg of most.
-_WIDEST, _USUAL, _IN_VIEW = np.tan(np.deg2rad(60)), 1.0, 0.99
-# A camera's pixels are a grid: of its points as seen from its centre, nearly all have a neighbour as far as the others.
-_GRID, _EVEN = 0.8, 0.05
 # Mean of n . u, below which a viewpoint that is given is doubted, and refused where the shape tells another side.
 _DOUBTFUL = -0.15
 # A shape that bulges towards a place below it is a bowl seen from above; cameras rarely look up.
@@ -52,17 +48,6 @@ _ABOVE, _SOMETHING = 0.97, 0.01
 _FEWEST = 10
 # Cosine: cameras that see a table look down on it by 10 deg at least; points on it that a shape is told from.
 _OVER, _FEW = 0.17, 30
-# Rows and columns of an image meet their rays' origin to this share of the distance, if it is one camera's image.
-_PINHOLE, _PIXELS = 0.01, 200
-
-
-@dataclass(frozen=True)
-class Side:
-    """Where a cloud was seen from: eye (3,), m, or, if guessed, a place far out on that side; words for people."""
-
-    eye: np.ndarray
-    words: str
-    guessed: bool = True
 
 
 def with_viewpoint(cloud: Cloud, raw: Cloud, config: SceneConfig, notes: list[str]) -> Cloud:
@@ -81,7 +66,7 @@ def with_viewpoint(cloud: Cloud, raw: Cloud, config: SceneConfig, notes: list[st
     """
     if cloud.normals is not None or cloud.viewpoints is not None:
         return cloud
-    side = _of_pixels(raw) or _of_grid(raw) or _of_frame_or_shape(cloud, config)
+    side = of_pixels(raw) or of_grid(raw) or _of_frame_or_shape(cloud, config)
     if side is None:
         raise InputError(
             f"{cloud.name}: expected normals or a viewpoint that tells their side, got neither, and its shape does not "
@@ -94,7 +79,7 @@ def with_viewpoint(cloud: Cloud, raw: Cloud, config: SceneConfig, notes: list[st
 def ahead_of(clouds: Sequence[Cloud]) -> float:
     """1 where the clouds lie before a camera at the origin along z, -1 along -z, 0 where its frame is no camera's."""
     points = np.concatenate([cloud.points for cloud in clouds])
-    return float(np.sign(points[:, 2].mean())) if _optical(points, _WIDEST) else 0.0
+    return float(np.sign(points[:, 2].mean())) if optical(points, WIDEST) else 0.0
 
 
 def check_side(cloud: Cloud, config: SceneConfig, notes: list[str]) -> None:
@@ -123,22 +108,6 @@ def check_side(cloud: Cloud, config: SceneConfig, notes: list[str]) -> None:
     )
 
 
-_ORIGIN = "taken for the origin, as in a camera's frame, which its points agree with"
-
-
-def _of_grid(cloud: Cloud) -> Side | None:
-    """The origin, where the points are a grid of pixels as seen from there."""
-    if len(cloud) < _PIXELS or not _optical(cloud.points, _WIDEST):
-        return None
-    image = cloud.points[:, :2] / cloud.points[:, 2:]
-    apart = cKDTree(image).query(image[: 4 * _POINTS], 2)[0][:, 1]
-    apart = apart[apart > 1e-9]  # points that were written twice
-    if not len(apart):
-        return None
-    even = np.abs(apart / np.median(apart) - 1) < _EVEN
-    return Side(np.zeros(3), _ORIGIN, guessed=False) if even.mean() >= _GRID else None
-
-
 def _of_frame_or_shape(cloud: Cloud, config: SceneConfig) -> Side | None:
     points, normals, pitch = _unsigned(cloud, config)
     if len(points) < _FEWEST:
@@ -147,12 +116,12 @@ def _of_frame_or_shape(cloud: Cloud, config: SceneConfig) -> Side | None:
             f"{len(points)} of {len(cloud)}; a denser cloud, or a larger normal_radius, and normals or "
             "viewpoints=[[x,y,z],...]"
         )
-    plane, optical = _of_plane(points, normals, pitch, config), _optical(cloud.points, _USUAL)
-    origin = Side(np.zeros(3), _ORIGIN, guessed=False)
+    plane, ahead = _of_plane(points, normals, pitch, config), optical(cloud.points, USUAL)
+    origin = Side(np.zeros(3), AS_ORIGIN, guessed=False)
     if plane is not None:
-        return origin if optical and _alike(np.zeros(3), plane.eye, points, normals, pitch) else plane
+        return origin if ahead and _alike(np.zeros(3), plane.eye, points, normals, pitch) else plane
     looks = _looked_at(points, normals, pitch, list(sphere(_SIDES)))
-    if optical:  # whatever speaks against the origin then leaves it open
+    if ahead:  # whatever speaks against the origin then leaves it open
         return origin if _bulges_to(np.zeros(3), looks, points, normals, pitch) else None
     shape = _of_shape(looks, points, normals, pitch)
     looks_up = shape is not None and (shape.eye - points.mean(axis=0))[2] < _LOOKS_UP * _far_out(points)
@@ -185,18 +154,6 @@ def _unsigned(cloud: Cloud, config: SceneConfig) -> tuple[np.ndarray, np.ndarray
         pitch *= np.sqrt(len(chosen) / _POINTS)
         chosen = chosen[np.random.default_rng(0).choice(len(chosen), _POINTS, replace=False)]
     return cloud.points[chosen], normals[chosen], pitch
-
-
-def _optical(points: np.ndarray, widest: float) -> bool:
-    """Whether the points lie as a camera at the origin sees them: before it along z, or along -z.
-
-    Args:
-        widest: tangent of the angle that they may be off it.
-    """
-    z = np.abs(points[:, 2])
-    ahead = (np.abs(points[:, :2]).max(axis=1) <= widest * z) & (z > 0)
-    share = max(float((ahead & (points[:, 2] > 0)).mean()), float((ahead & (points[:, 2] < 0)).mean()))
-    return share >= _IN_VIEW
 
 
 def _of_plane(points: np.ndarray, normals: np.ndarray, pitch: float, config: SceneConfig) -> Side | None:
@@ -261,41 +218,6 @@ def _of_shape(looks: Sequence[_Look], points: np.ndarray, normals: np.ndarray, p
     if _differ(best.normals, facing(points, normals, (middle + away * direction)[None], pitch)[0]) > _DIFFERENT:
         direction = best.direction
     return Side(middle + away * direction, f"its shape was evidently seen from {_words(direction)}")
-
-
-def _of_pixels(cloud: Cloud) -> Side | None:
-    """The camera's centre, where the points are an image: the projection from points to pixels, solved for.
-
-    Hartley and Zisserman, Multiple View Geometry, sections 6.2 (centre = null vector of P) and 7.1 (DLT).
-    """
-    if cloud.pixels is None or len(cloud.pixels) < _PIXELS:
-        return None
-    chosen = np.linspace(0, len(cloud) - 1, min(len(cloud), _POINTS)).astype(int)
-    X, x = cloud.points[chosen], cloud.pixels[chosen][:, ::-1].astype(np.float64)
-    middle, size = X.mean(axis=0), X.std() or 1.0
-    flat = np.linalg.svd(X - middle, compute_uv=False)
-    if flat[2] < 0.02 * flat[0]:  # points of a plane have many cameras
-        return None
-    homogeneous = np.column_stack([(X - middle) / size, np.ones(len(X))])
-    x = (x - x.mean(axis=0)) / (x.std() or 1.0)
-    zero = np.zeros_like(homogeneous)
-    rows = np.concatenate(
-        [
-            np.hstack([homogeneous, zero, -x[:, :1] * homogeneous]),
-            np.hstack([zero, homogeneous, -x[:, 1:] * homogeneous]),
-        ]
-    )
-    P = np.linalg.svd(rows, full_matrices=False)[2][-1].reshape(3, 4)
-    image = homogeneous @ P.T
-    depth = image[:, 2]
-    centre = np.linalg.svd(P)[2][-1]
-    if abs(centre[3]) < 1e-9 or not ((depth > 0).all() or (depth < 0).all()):
-        return None
-    error = float(np.median(np.abs(image[:, :2] / depth[:, None] - x)))
-    eye = middle + size * centre[:3] / centre[3]
-    if error > _PINHOLE:
-        return None
-    return Side(eye, f"its pixels' rays meet at ({', '.join(f'{v:.3f}' for v in eye)}) m", guessed=False)
 
 
 def _differ(a: np.ndarray, b: np.ndarray, weight: np.ndarray | None = None) -> float:
