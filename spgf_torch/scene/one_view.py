@@ -7,13 +7,15 @@ import numpy as np
 from spgf_torch.scene.normals import sphere
 
 # Of the faces' area, those that a camera has before it: noise turns a few at depth edges.
-_SEEN = 0.97
+_SEEN = 0.95
+# Cosine of the angle to the mean direction within which a camera sees nearly all: from inside of a thing all is around.
+_IN_VIEW, _NEARLY = 0.5, 0.99
 # Times the median edge: longer faces join what is apart in depth, along the rays, and say nothing of the camera.
 _STRETCHED = 4.0
 _DIRECTIONS = 256
 # Extents of the surface to a camera of which only the direction is known.
 _AWAY = 3.0
-_FACES = 20_000
+_FACES = 4000
 
 
 def seen_from(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
@@ -42,7 +44,10 @@ def seen_from(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
     towards = area.sum(axis=0) / max(float(np.linalg.norm(area.sum(axis=0))), 1e-300)
     eyes = [np.zeros(3), *(centre + _AWAY * extent * d for d in (towards, -towards, *sphere(_DIRECTIONS)))]
     for eye in eyes:
-        along = ((eye - middle) * area).sum(axis=1) > 0
+        ray = middle - eye
+        if not _ahead(ray):
+            continue
+        along = (ray * area).sum(axis=1) > 0
         front = float(size[along].sum() / size.sum())
         if max(front, 1 - front) >= _SEEN:
             return eye
@@ -60,5 +65,13 @@ def _joined(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
 
 def _open(faces: np.ndarray) -> bool:
     """Whether some edge has one face only."""
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 1).any())
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1).astype(np.int64)
+    return bool((np.unique(edges @ [edges.max() + 1, 1], return_counts=True)[1] == 1).any())
+
+
+def _ahead(ray: np.ndarray) -> bool:
+    """Whether nearly all rays (N, 3) lie in a camera's field of view."""
+    length = np.linalg.norm(ray, axis=1)
+    mean = ray.sum(axis=0)
+    inside = ray @ mean > _IN_VIEW * length * np.linalg.norm(mean)
+    return bool(inside.mean() >= _NEARLY)

@@ -32,8 +32,8 @@ _ROUNDED = 0.8
 # A metre in the steps that cameras count in: numbers that end at exactly 1 between these steps are no metres.
 _STEPS, _BETWEEN = 20_000, 0.02
 # m; the usual median depth of cameras for grasping, and of the middle one of the three sides of what stands on a table;
-# e-fold spreads of both, and of the side where the depth is not known. Of 150 scenes of our objects 0.3 to 1.0 m away, what is less usual than this many spreads in
-# one direction was none.
+# e-fold spreads of both, and of the side where the depth is not known. Of 150 scenes of our objects 0.3 to 1.0 m away,
+# what is less usual than so many spreads in one direction was none.
 _DEPTH, _SIDE, _SPREAD, _SPREAD_ALONE = 0.6, 0.08, 0.5, 0.85
 _NEAR, _FAR = -2.4, 1.8
 # m; median depths beyond which no camera for grasping works, whatever it sees.
