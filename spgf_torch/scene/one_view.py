@@ -43,14 +43,15 @@ def seen_from(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
     # Beyond the directions: the mean of the faces', of either sign.
     towards = area.sum(axis=0) / max(float(np.linalg.norm(area.sum(axis=0))), 1e-300)
     eyes = [np.zeros(3), *(centre + _AWAY * extent * d for d in (towards, -towards, *sphere(_DIRECTIONS)))]
-    for eye in eyes:
-        ray = middle - eye
-        if not _ahead(ray):
-            continue
-        along = (ray * area).sum(axis=1) > 0
-        front = float(size[along].sum() / size.sum())
-        if max(front, 1 - front) >= _SEEN:
-            return eye
+    for sign in (-1.0, 1.0):  # faces turned to the camera, as most write them, before faces turned away
+        for eye in eyes:
+            ray = middle - eye
+            turned = sign * (ray * area).sum(axis=1) > 0
+            if float(size[turned].sum()) < _SEEN * size.sum() or not _ahead(ray):
+                continue
+            hollow = float((sign * area * (centre - middle)).sum()) < 0  # the inside of a bowl, or a dome's
+            if sign < 0 or not eye.any() or not hollow:
+                return eye
     return None
 
 
