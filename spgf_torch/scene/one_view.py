@@ -42,15 +42,21 @@ def seen_from(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
     centre = middle.mean(axis=0)
     # Beyond the directions: the mean of the faces', of either sign.
     towards = area.sum(axis=0) / max(float(np.linalg.norm(area.sum(axis=0))), 1e-300)
-    eyes = [np.zeros(3), *(centre + _AWAY * extent * d for d in (towards, -towards, *sphere(_DIRECTIONS)))]
-    for sign in (-1.0, 1.0):  # faces turned to the camera, as most write them, before faces turned away
+    eyes = [centre + _AWAY * extent * d for d in (towards, -towards, *sphere(_DIRECTIONS))]
+
+    def seen(eye: np.ndarray, sign: float) -> bool:
+        ray = middle - eye
+        turned = sign * (ray * area).sum(axis=1) > 0
+        return float(size[turned].sum()) >= _SEEN * float(size.sum()) and _ahead(ray)
+
+    if seen(np.zeros(3), -1) or seen(np.zeros(3), 1):
+        return np.zeros(3)
+    # The sign of faces that are turned outwards; a surface is rather seen from there than from inside, and from inside
+    # only where its faces are turned there, as a camera's are that looks into a bin.
+    outwards = 1.0 if float((area * (middle - centre)).sum()) >= 0 else -1.0
+    for sign in (-outwards, *((-1.0,) if outwards < 0 else ())):
         for eye in eyes:
-            ray = middle - eye
-            turned = sign * (ray * area).sum(axis=1) > 0
-            if float(size[turned].sum()) < _SEEN * size.sum() or not _ahead(ray):
-                continue
-            hollow = float((sign * area * (centre - middle)).sum()) < 0  # the inside of a bowl, or a dome's
-            if sign < 0 or not eye.any() or not hollow:
+            if seen(eye, sign):
                 return eye
     return None
 

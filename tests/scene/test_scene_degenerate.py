@@ -33,7 +33,7 @@ def dome(radius: float, count: int) -> np.ndarray:
     [
         (LINE, "on one line"),
         (LINE + RNG.normal(0, 0.002, (600, 3)), "on one line"),
-        (np.concatenate([LINE + [0, 0.02 * k, 0] for k in range(8)]), "along lines"),
+        (np.concatenate([LINE + np.array([0, 0.02 * k, 0]) for k in range(8)]), "along lines"),
         (LINE[:3] * 50, "on one line"),
         (np.repeat([[0, 0, 0], [0.05, 0, 0]], 500, axis=0) + RNG.normal(0, 0.0005, (1000, 3)), "on one line"),
         (0.1 * np.column_stack([f(np.linspace(0, 6.28, 800)) for f in (np.cos, np.sin, np.zeros_like)]), "along lines"),

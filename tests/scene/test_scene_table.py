@@ -130,6 +130,10 @@ def box(width: float, depth: float, tall: float, at: tuple[float, float]) -> np.
     return np.concatenate([top, front, right])
 
 
+def moved(points: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
+    return points + np.array([x, y, z])
+
+
 def around(points: np.ndarray, low: list[float], high: list[float]) -> np.ndarray:
     """The points outside of a box of two corners, those that are hidden in or under it."""
     return points[~((points >= low) & (points <= high)).all(axis=1)]
@@ -145,7 +149,7 @@ TABLE = around(sheet(0.7, 0.6, (0, 0, 0)), [-0.2, -0.2, -1], [0.2, 0.2, 0.01])
         np.concatenate([TABLE, box(0.4, 0.4, 0.2, (0, 0)), CUP]),
         np.concatenate([TABLE, box(0.4, 0.4, 0.03, (0, 0)), CUP]),
         np.concatenate([sheet(0.5, 0.5, (0, 0, 0)), CUP, sheet(1.5, 1.5, (0, 0.3, 0.2))[:, [0, 2, 1]]]),
-        np.concatenate([sheet(0.4, 0.4, (0, 0, 0)), CUP + [0.1, 0.1, 0], sheet(1.5, 1.5, (0, 0.8, -0.7))]),
+        np.concatenate([sheet(0.4, 0.4, (0, 0, 0)), moved(CUP, 0.1, 0.1, 0), sheet(1.5, 1.5, (0, 0.8, -0.7))]),
     ],
     ids=["big-box", "book", "wall", "floor"],
 )
@@ -159,21 +163,23 @@ def test_the_plane_that_things_stand_on(points: np.ndarray) -> None:
 def test_the_board_under_the_target(storey: float) -> None:
     boards = [sheet(0.7, 0.3, (0, 0, z)) for z in (-0.35, 0.0, 0.35)]
     target = box(0.06, 0.06, 0.1, (0, 0)) + [0, 0, storey]
-    points = np.concatenate([*boards, CUP + [0, 0.15, -0.35], target])
+    points = np.concatenate([*boards, moved(CUP, 0, 0.15, -0.35), target])
     named = np.arange(len(points)) >= len(points) - len(target)
-    found = find_table(points, EYE + [0, 0, 1], settings(SceneConfig), np.random.default_rng(0), UP, named)
+    found = find_table(points, EYE + UP, settings(SceneConfig), np.random.default_rng(0), UP, named)
     np.testing.assert_allclose(found.plane, [0, 0, 1, -storey], atol=5e-3)
     assert not found.doubts
 
 
 def test_a_second_wide_plane_is_told() -> None:
-    points = np.concatenate([sheet(0.5, 0.5, (0, 0, 0)), CUP, sheet(0.5, 0.5, (0.6, 0, -0.15)), CUP + [0.7, 0, -0.15]])
+    points = np.concatenate(
+        [sheet(0.5, 0.5, (0, 0, 0)), CUP, sheet(0.5, 0.5, (0.6, 0, -0.15)), moved(CUP, 0.7, 0, -0.15)]
+    )
     found = find_table(points, EYE, settings(SceneConfig), np.random.default_rng(0), UP)
     assert any("is a wide plane as well" in doubt for doubt in found.doubts)
 
 
 def test_a_steep_table_is_told(tabletop: Cloud) -> None:
     turn = np.array([[1, 0, 0], [0, np.cos(0.7), -np.sin(0.7)], [0, np.sin(0.7), np.cos(0.7)]])
-    moved = Cloud(tabletop.points @ turn.T, None, EYE[None] @ turn.T)
-    scene = scene_of_clouds([moved], settings(SceneConfig, table="find"), SENSING, np.random.default_rng(0))
+    tilted = Cloud(tabletop.points @ turn.T, None, EYE[None] @ turn.T)
+    scene = scene_of_clouds([tilted], settings(SceneConfig, table="find"), SENSING, np.random.default_rng(0))
     assert any(note.startswith("warning: table: tilted 40 deg") for note in scene.notes)
