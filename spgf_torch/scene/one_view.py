@@ -7,13 +7,15 @@ import numpy as np
 from spgf_torch.scene.normals import sphere
 
 # Of the faces' area, those that a camera has before it: noise turns a few at depth edges.
-_SEEN = 0.97
+_SEEN = 0.95
+# Cosine of the angle to the mean direction within which a camera sees nearly all: from inside of a thing all is around.
+_IN_VIEW, _NEARLY = 0.5, 0.99
 # Times the median edge: longer faces join what is apart in depth, along the rays, and say nothing of the camera.
 _STRETCHED = 4.0
 _DIRECTIONS = 256
 # Extents of the surface to a camera of which only the direction is known.
 _AWAY = 3.0
-_FACES = 20_000
+_FACES = 4000
 
 
 def seen_from(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
@@ -40,12 +42,22 @@ def seen_from(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
     centre = middle.mean(axis=0)
     # Beyond the directions: the mean of the faces', of either sign.
     towards = area.sum(axis=0) / max(float(np.linalg.norm(area.sum(axis=0))), 1e-300)
-    eyes = [np.zeros(3), *(centre + _AWAY * extent * d for d in (towards, -towards, *sphere(_DIRECTIONS)))]
-    for eye in eyes:
-        along = ((eye - middle) * area).sum(axis=1) > 0
-        front = float(size[along].sum() / size.sum())
-        if max(front, 1 - front) >= _SEEN:
-            return eye
+    eyes = [centre + _AWAY * extent * d for d in (towards, -towards, *sphere(_DIRECTIONS))]
+
+    def seen(eye: np.ndarray, sign: float) -> bool:
+        ray = middle - eye
+        turned = sign * (ray * area).sum(axis=1) > 0
+        return float(size[turned].sum()) >= _SEEN * float(size.sum()) and _ahead(ray)
+
+    if seen(np.zeros(3), -1) or seen(np.zeros(3), 1):
+        return np.zeros(3)
+    # The sign of faces that are turned outwards; a surface is rather seen from there than from inside, and from inside
+    # only where its faces are turned there, as a camera's are that looks into a bin.
+    outwards = 1.0 if float((area * (middle - centre)).sum()) >= 0 else -1.0
+    for sign in (-outwards, *((-1.0,) if outwards < 0 else ())):
+        for eye in eyes:
+            if seen(eye, sign):
+                return eye
     return None
 
 
@@ -60,5 +72,13 @@ def _joined(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
 
 def _open(faces: np.ndarray) -> bool:
     """Whether some edge has one face only."""
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 1).any())
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1).astype(np.int64)
+    return bool((np.unique(edges @ [edges.max() + 1, 1], return_counts=True)[1] == 1).any())
+
+
+def _ahead(ray: np.ndarray) -> bool:
+    """Whether nearly all rays (N, 3) lie in a camera's field of view."""
+    length = np.linalg.norm(ray, axis=1)
+    mean = ray.sum(axis=0)
+    inside = ray @ mean > _IN_VIEW * length * np.linalg.norm(mean)
+    return bool(inside.mean() >= _NEARLY)

@@ -27,8 +27,8 @@ _ON = (0.00003, 0.0005, 0.0015, 0.004)
 _MORE = 0.15
 # Pixels that make a plane; and the least volume of three pixels' rays that fixes one.
 _LEAST, _FLAT = 30, 1e-9
-# Of the numbers, those that differ: fewer, and they are rounded.
-_ROUNDED = 0.8
+# Of the steps from number to number, those closer than rounding would have them.
+_CLOSEST = 0.1
 # A metre in the steps that cameras count in: numbers that end at exactly 1 between these steps are no metres.
 _STEPS, _BETWEEN = 20_000, 0.02
 # m; the usual median depth of cameras for grasping, and of the middle one of the three sides of what stands on a table;
@@ -72,8 +72,8 @@ def check_depth_image(view: View) -> None:
         (z, False, "a depth buffer or disparities: a - b / z in place of z; convert them to metres first"),
         (length / z, True, "distances along the rays in place of z; divide them by the length of the pixel's ray"),
     )
-    distinct = np.unique(z)  # on rounded numbers every step is a plane
-    step = float(np.median(np.diff(distinct) / distinct[1:])) if len(distinct) < _ROUNDED * len(z) else 0.0
+    distinct = np.unique(every)  # of rounded numbers every step is a plane
+    step = float(np.quantile(np.diff(distinct) / distinct[1:], _CLOSEST)) if len(distinct) > 1 else 0.0
     for near in (each for each in _ON if each > step):
         metres = _on_planes(ray, 1 / z, near, True)
         for numbers, inverse, words in readings:

@@ -8,7 +8,7 @@ import pytest
 from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
 from spgf_torch.scene.assembly import scene_of_clouds
 from spgf_torch.scene.cloud import Cloud
-from spgf_torch.scene.table import find_plane, given_plane, height
+from spgf_torch.scene.table import find_plane, find_table, given_plane, height
 
 SENSING = settings(SensingConfig)
 EYE = np.array([0.3, -0.4, 0.8])
@@ -110,3 +110,76 @@ def test_planes_that_are_none(values: object, message: str) -> None:
 def test_tables_that_leave_nothing(table: object, message: str, tabletop: Cloud) -> None:
     with pytest.raises(InputError, match=message):
         scene_of_clouds([tabletop], settings(SceneConfig, table=table), SENSING, np.random.default_rng(0))
+
+
+UP = np.array([0.0, 0, 1])
+
+
+def sheet(width: float, depth: float, at: tuple[float, float, float], seed: int = 0) -> np.ndarray:
+    """A level sheet with 1 mm of noise, a point a 3 mm square."""
+    rng, count = np.random.default_rng(seed), int(width * depth / 9e-6)
+    return np.column_stack([(rng.random((count, 2)) - 0.5) * [width, depth], rng.normal(0, 0.001, count)]) + at
+
+
+def box(width: float, depth: float, tall: float, at: tuple[float, float]) -> np.ndarray:
+    """Top and two sides of a box that stands at z = 0."""
+    x, y = at
+    top = sheet(width, depth, (x, y, tall))
+    front = sheet(width, tall, (0, 0, 0))[:, [0, 2, 1]] + [x, y - depth / 2, tall / 2]
+    right = sheet(depth, tall, (0, 0, 0))[:, [2, 0, 1]] + [x + width / 2, y, tall / 2]
+    return np.concatenate([top, front, right])
+
+
+def moved(points: np.ndarray, x: float, y: float, z: float) -> np.ndarray:
+    return points + np.array([x, y, z])
+
+
+def around(points: np.ndarray, low: list[float], high: list[float]) -> np.ndarray:
+    """The points outside of a box of two corners, those that are hidden in or under it."""
+    return points[~((points >= low) & (points <= high)).all(axis=1)]
+
+
+CUP = box(0.06, 0.06, 0.1, (-0.22, -0.2))
+TABLE = around(sheet(0.7, 0.6, (0, 0, 0)), [-0.2, -0.2, -1], [0.2, 0.2, 0.01])
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.concatenate([TABLE, box(0.4, 0.4, 0.2, (0, 0)), CUP]),
+        np.concatenate([TABLE, box(0.4, 0.4, 0.03, (0, 0)), CUP]),
+        np.concatenate([sheet(0.5, 0.5, (0, 0, 0)), CUP, sheet(1.5, 1.5, (0, 0.3, 0.2))[:, [0, 2, 1]]]),
+        np.concatenate([sheet(0.4, 0.4, (0, 0, 0)), moved(CUP, 0.1, 0.1, 0), sheet(1.5, 1.5, (0, 0.8, -0.7))]),
+    ],
+    ids=["big-box", "book", "wall", "floor"],
+)
+def test_the_plane_that_things_stand_on(points: np.ndarray) -> None:
+    points = points if points[:, 2].max() < 0.6 else points[points[:, 2] > -0.8]
+    found = find_plane(points, EYE, settings(SceneConfig), np.random.default_rng(0), UP)
+    np.testing.assert_allclose(found, [0, 0, 1, 0], atol=5e-3)
+
+
+@pytest.mark.parametrize("storey", [-0.35, 0.0, 0.35])
+def test_the_board_under_the_target(storey: float) -> None:
+    boards = [sheet(0.7, 0.3, (0, 0, z)) for z in (-0.35, 0.0, 0.35)]
+    target = box(0.06, 0.06, 0.1, (0, 0)) + [0, 0, storey]
+    points = np.concatenate([*boards, moved(CUP, 0, 0.15, -0.35), target])
+    named = np.arange(len(points)) >= len(points) - len(target)
+    found = find_table(points, EYE + UP, settings(SceneConfig), np.random.default_rng(0), UP, named)
+    np.testing.assert_allclose(found.plane, [0, 0, 1, -storey], atol=5e-3)
+    assert not found.doubts
+
+
+def test_a_second_wide_plane_is_told() -> None:
+    points = np.concatenate(
+        [sheet(0.5, 0.5, (0, 0, 0)), CUP, sheet(0.5, 0.5, (0.6, 0, -0.15)), moved(CUP, 0.7, 0, -0.15)]
+    )
+    found = find_table(points, EYE, settings(SceneConfig), np.random.default_rng(0), UP)
+    assert any("is a wide plane as well" in doubt for doubt in found.doubts)
+
+
+def test_a_steep_table_is_told(tabletop: Cloud) -> None:
+    turn = np.array([[1, 0, 0], [0, np.cos(0.7), -np.sin(0.7)], [0, np.sin(0.7), np.cos(0.7)]])
+    tilted = Cloud(tabletop.points @ turn.T, None, EYE[None] @ turn.T)
+    scene = scene_of_clouds([tilted], settings(SceneConfig, table="find"), SENSING, np.random.default_rng(0))
+    assert any(note.startswith("warning: table: tilted 40 deg") for note in scene.notes)
