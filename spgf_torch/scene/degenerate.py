@@ -50,13 +50,8 @@ def why_no_grasp(
     normals = np.concatenate([cloud.normals for cloud in facing if cloud.normals is not None])
     if table is None and len(kept) > 2 and _flat(kept, normals, config):
         return (
-<<<<<<< HEAD
             "all points lie in one plane and nothing else is known: a table, a wall, the top of a box? give more of "
             "the scene and table=find, or table=[a,b,c,d]"
-=======
-            "all points lie in one plane and nothing else is known: a table, a wall, the top of a box? give more "
-            "of the scene and table=find, or table=[a,b,c,d]"
->>>>>>> tables
         )
     return None
 
