@@ -163,7 +163,7 @@ def test_the_plane_that_things_stand_on(points: np.ndarray) -> None:
 @pytest.mark.parametrize("storey", [-0.35, 0.0, 0.35])
 def test_the_board_under_the_target(storey: float) -> None:
     boards = [sheet(0.7, 0.3, (0, 0, z)) for z in (-0.35, 0.0, 0.35)]
-    target = box(0.06, 0.06, 0.1, (0, 0)) + np.array([0, 0, storey])
+    target = moved(box(0.06, 0.06, 0.1, (0, 0)), 0, 0, storey)
     points = np.concatenate([*boards, moved(CUP, 0, 0.15, -0.35), target])
     named = np.arange(len(points)) >= len(points) - len(target)
     found = find_table(points, EYE + UP, settings(SceneConfig), np.random.default_rng(0), UP, named)
