@@ -18,10 +18,10 @@ from spgf_torch.scene.files import read_clouds
 from spgf_torch.scene.gravity import Gravity, gravity_of
 from spgf_torch.scene.meshes import as_cloud, is_mesh, sampled, sensed
 from spgf_torch.scene.normals import neighbourhoods, oriented
+from spgf_torch.scene.planes import height
 from spgf_torch.scene.plausible import check_depth_image, size_notes
 from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.selection import crop_box, is_target, table_of, targeted, viewpoints_of, within
-from spgf_torch.scene.table import height
 from spgf_torch.scene.viewpoint import check_side, with_viewpoint
 from spgf_torch.scene.views import View, files_of, read_views
 from spgf_torch.sensing.texlets import Texlets, thin

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from spgf_torch.config import SceneConfig
 from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.normals import neighbourhoods, on_lines
-from spgf_torch.scene.table import best_plane, height
+from spgf_torch.scene.planes import best_plane, height
 
 # Spread across over spread along all points, beneath which they are a line; that of a pencil is 0.05.
 _THIN = 0.03

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from spgf_torch.config import InputError, SceneConfig
 from spgf_torch.scene.cloud import Cloud
-from spgf_torch.scene.table import best_plane, height
+from spgf_torch.scene.planes import best_plane, height
 from spgf_torch.scene.views import View
 
 # Pixels that are looked at, planes that are tried, and how many of them one after the other.

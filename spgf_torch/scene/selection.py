@@ -11,7 +11,8 @@ from spgf_torch.config import InputError, SceneConfig
 from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, vectors
 from spgf_torch.scene.gravity import AUTO, Gravity, gravity_of
-from spgf_torch.scene.table import find_table, given_plane, height
+from spgf_torch.scene.planes import given_plane, height
+from spgf_torch.scene.table import find_table
 
 # Extents of a cloud from the origin to it; a cloud further off has coordinates of a map, which no other unit mends.
 _FAR_EXTENTS = 100.0

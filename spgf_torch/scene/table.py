@@ -1,4 +1,4 @@
-"""The plane that objects stand on: found among points or given, oriented, and what lies above it.
+"""The plane that objects stand on: found among points, and turned to them.
 
 Not the largest plane: the top of a big box, a wall, the floor and a shelf above are larger at times. A table is nearly
 level, where it is known what is up; carries things; its edge does not go down to another level plane, as that of a box
@@ -14,12 +14,10 @@ import numpy as np
 from scipy import ndimage
 
 from spgf_torch.config import InputError, SceneConfig
-from spgf_torch.scene.cloud import vectors
+from spgf_torch.scene.planes import FoundPlane, best_plane, height
 
-# Points that hypotheses are tried on, and that what stands on a plane is counted in.
-_TRIED, _COUNTED = 1500, 30_000
-# Rounds of least squares, each with what lies nearer than this much of table_distance.
-_NEARER = (1.0, 0.75, 0.5, 0.5)
+# Points that what stands on a plane is counted in.
+_COUNTED = 30_000
 # Planes that are looked at, each in what the ones before leave over.
 _MOST = 8
 # Cosine of the tilt from "up" beyond which a plane is a wall; "up" may itself be off by 30 deg.
@@ -58,26 +56,6 @@ _OWN = 0.6
 
 
 @dataclass(frozen=True)
-class FoundPlane:
-    """A plane among points.
-
-    Attributes:
-        plane: (4,) a, b, c, d: a x + b y + c z + d is the distance above it, m.
-        on: (N,) bool, the points that it holds.
-        width: m, of the narrow side of what it holds.
-    """
-
-    plane: np.ndarray
-    on: np.ndarray
-    width: float
-
-    @property
-    def share(self) -> float:
-        """Of all points, those on the plane."""
-        return float(self.on.mean())
-
-
-@dataclass(frozen=True)
 class FoundTable:
     """The table among points.
 
@@ -107,64 +85,6 @@ class _Level:
     hung: float
     sides: float
     middle: np.ndarray
-
-
-def given_plane(values: object) -> np.ndarray:
-    """(4,) a, b, c, d with (a, b, c) of length 1 of a plane given by the user; InputError if it is none."""
-    plane = vectors("table", values, (4,))
-    length = float(np.linalg.norm(plane[:3]))
-    if length == 0:
-        raise InputError(f"table: expected a normal (a, b, c) other than 0, got {values!r}")
-    return plane / length
-
-
-def height(points: np.ndarray, plane: np.ndarray) -> np.ndarray:
-    """(N,) m of points (N, 3) above a plane (4,)."""
-    return points @ plane[:3] + plane[3]
-
-
-def best_plane(
-    points: np.ndarray, config: SceneConfig, generator: np.random.Generator, free: np.ndarray | None = None
-) -> FoundPlane | None:
-    """The plane that holds most points, by random hypotheses (RANSAC) and least squares through what they explain.
-
-    A point counts the less the further it is off (Torr and Zisserman 2000, MSAC): a plane between a table and a book on
-    it holds both, but neither well.
-
-    Args:
-        points: (N, 3) m.
-        config: table_distance, table_hypotheses.
-        generator: draws the hypotheses.
-        free: (N,) bool, the points that count; None: all.
-
-    Returns:
-        The plane, of either sign; None where fewer than three points count, or all lie on one line.
-    """
-    counted = points if free is None else points[free]
-    if len(counted) < 3:
-        return None
-    some = counted[generator.choice(len(counted), min(_TRIED, len(counted)), replace=False)]
-    corners = some[generator.integers(len(some), size=(config.table_hypotheses, 3))]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normal, axis=1)
-    normal, corner = normal[length > 0] / length[length > 0, None], corners[length > 0, 0]
-    if not len(normal):
-        return None
-    middle = some.mean(axis=0)
-    off = (some - middle) @ normal.T - ((corner - middle) * normal).sum(axis=1)
-    best = int(np.argmax(np.maximum(0.0, 1 - (off / config.table_distance) ** 2).sum(axis=0)))
-    plane = np.append(normal[best], -normal[best] @ corner[best])
-    values = np.zeros(3)
-    for nearer in _NEARER:
-        on = counted[np.abs(height(counted, plane)) <= nearer * config.table_distance]
-        if len(on) < 3:
-            break
-        middle = on.mean(axis=0)
-        values, directions = np.linalg.eigh(np.cov((on - middle).T))
-        plane = np.append(directions[:, 0], -directions[:, 0] @ middle)
-    near = np.abs(height(points, plane)) <= config.table_distance
-    # An even strip of width w has the variance w^2 / 12.
-    return FoundPlane(plane, near if free is None else near & free, float(np.sqrt(12 * max(values[1], 0.0))))
 
 
 def find_plane(
@@ -379,7 +299,11 @@ def _doubts(table: _Level, levels: Sequence[_Level]) -> list[str]:
         doubts.append("nothing seems to stand on it")
     for other in levels:
         over = _over(other, table)
-        if other is table or other.count < _RIVAL * table.count or (0 < over < _STOREY and other.sides > _SIDES):
+        if (
+            other is table
+            or other.count < _RIVAL * table.count
+            or (0 < over < _STOREY and other.sides > _SIDES and not other.carried)
+        ):
             continue
         equation = ", ".join(f"{value:.3f}" for value in other.plane)
         where = f"{abs(over):.2f} m {'above' if over > 0 else 'below'} it" if over == over else "across it"

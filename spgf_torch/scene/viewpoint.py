@@ -24,7 +24,7 @@ from spgf_torch.scene.normals import (
     principal_normals,
     sphere,
 )
-from spgf_torch.scene.table import best_plane, height
+from spgf_torch.scene.planes import best_plane, height
 
 # Points that evidence is looked for in: 128 sides of 3000 points take 0.2 s.
 _POINTS = 3000

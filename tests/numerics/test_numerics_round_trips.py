@@ -20,8 +20,9 @@ from spgf_torch.scene.cloud import Cloud, voxel_means
 from spgf_torch.scene.files import read_cloud
 from spgf_torch.scene.intrinsics import read_intrinsics
 from spgf_torch.scene.normals import neighbourhoods
+from spgf_torch.scene.planes import height
 from spgf_torch.scene.poses import read_poses
-from spgf_torch.scene.table import find_plane, height
+from spgf_torch.scene.table import find_plane
 from spgf_torch.trials.table import KEY, Origin, TrialTable, read_table, write_table
 
 FEW = settings(max_examples=15, deadline=None, derandomize=True, database=None)

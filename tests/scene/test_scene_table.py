@@ -8,7 +8,8 @@ import pytest
 from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
 from spgf_torch.scene.assembly import scene_of_clouds
 from spgf_torch.scene.cloud import Cloud
-from spgf_torch.scene.table import find_plane, find_table, given_plane, height
+from spgf_torch.scene.planes import given_plane, height
+from spgf_torch.scene.table import find_plane, find_table
 
 SENSING = settings(SensingConfig)
 EYE = np.array([0.3, -0.4, 0.8])
