@@ -1,4 +1,4 @@
-"""Planes among points: the one that holds most, one that is given, and heights above it."""
+"""Planes: given by the user, and found among points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plane that objects stand on: found among points or given, oriented, and what lies above it.
+"""The plane that objects stand on: found among points, and turned to them.
 
 Not the largest plane: the top of a big box, a wall, the floor and a shelf above are larger at times. A table is nearly
 level, where it is known what is up; carries things; its edge does not go down to another level plane, as that of a box
@@ -299,7 +299,11 @@ def _doubts(table: _Level, levels: Sequence[_Level]) -> list[str]:
         doubts.append("nothing seems to stand on it")
     for other in levels:
         over = _over(other, table)
-        if other is table or other.count < _RIVAL * table.count or (0 < over < _STOREY and other.sides > _SIDES):
+        if (
+            other is table
+            or other.count < _RIVAL * table.count
+            or (0 < over < _STOREY and other.sides > _SIDES and not other.carried)
+        ):
             continue
         equation = ", ".join(f"{value:.3f}" for value in other.plane)
         where = f"{abs(over):.2f} m {'above' if over > 0 else 'below'} it" if over == over else "across it"
