@@ -38,6 +38,8 @@ _CLEAR = 0.05
 _DIFFERENT, _CLEARER = 0.1, 0.1
 # Mean of n . u, below which a viewpoint that is given is doubted, and refused where the shape tells another side.
 _DOUBTFUL = -0.15
+# m; what is larger may as well be the corner of a room, whose three sides look from within as a box's from without.
+_THING = 0.3
 # A shape that bulges towards a place below it is a bowl seen from above; cameras rarely look up.
 _LOOKS_UP = -0.1
 # Mean of n . u, below which normals turned to the origin speak against it: nothing but the frame speaks for it here.
@@ -97,14 +99,14 @@ def check_side(cloud: Cloud, config: SceneConfig, notes: list[str]) -> None:
     if found >= INWARDS and (side is None or _alike(cloud.viewpoints.mean(axis=0), side.eye, *some)):
         return
     where = ", ".join(f"{x:.4g}" for x in np.mean(cloud.viewpoints, axis=0))
-    if side is not None:
+    if side is not None and np.ptp(cloud.points, axis=0).max() <= _THING:
         raise InputError(
             f"{cloud.name}: expected a viewpoint on the side that was seen, got ({where}) m, from where its normals "
             f"point inwards ({found:.2f}); {side.words}: give viewpoints=[[x,y,z],...], where the camera was"
         )
     notes.append(
         f"warning: {cloud.name}: seen from ({where}) m the surface looks hollow ({found:.2f}): right for the inside of "
-        "a bin; else give viewpoints=[[x,y,z],...], where the camera was"
+        "a bin or a corner; else give viewpoints=[[x,y,z],...], where the camera was"
     )
 
 

@@ -126,6 +126,19 @@ def test_a_viewpoint_on_the_wrong_side_is_refused_where_the_shape_tells_it() -> 
         check_side(estimated("box_tea", EYE, -EYE), CONFIG, notes)
 
 
+def test_the_corner_of_a_room_is_warned_of_not_refused() -> None:
+    """Floor and two walls of 0.5 m seen from within: a box of that size seen from without looks the same."""
+    grid = np.stack(np.meshgrid(np.arange(0, 0.5, 0.004), np.arange(0, 0.5, 0.004)), axis=-1).reshape(-1, 2)
+    flat = np.column_stack([grid, np.zeros(len(grid))])
+    points, normals = (
+        np.concatenate([flat, np.roll(flat, 1, 1), np.roll(flat, 2, 1)]),
+        np.repeat(np.eye(3)[[2, 0, 1]], len(grid), 0),
+    )
+    corner = Cloud(points, normals, np.array([[0.8, 0.9, 1.0]]))
+    check_side(corner, CONFIG, notes := [])
+    assert len(notes) == 1 and "hollow" in notes[0]
+
+
 def test_the_inside_of_a_bin_is_warned_of_not_refused() -> None:
     """Walls and floor seen from above look hollow, and from below they would hide each other."""
     above = np.array([0.02, -0.05, 0.7])
