@@ -59,7 +59,7 @@ def write_scene_page(
 
 def _scene_html(scene: Scene, grippers: Mapping[str, Gripper], names: Sequence[str] | None) -> str:
     options = "".join(
-        f"<option>{rank}: {html.escape(grasp.type)}, {100 * grasp.probability:.0f} %</option>"
+        f"<option>{rank}: {html.escape(grasp.type)}, {100 * grasp.probability:.0f} %{_of_target(grasp)}</option>"
         for rank, grasp in enumerate(scene.grasps, start=1)
     )
     eyes = "".join(f'<button data-eye="{eye}">{eye}</button>' for eye in _EYES)
@@ -161,10 +161,15 @@ def _bar() -> Trace:
     return {"type": "scatter3d", "mode": "markers", **dot, "marker": marker}
 
 
+def _of_target(grasp: Grasp) -> str:
+    """Words for a target with a number other than the only one's."""
+    return "" if grasp.target == 1 else f", target {grasp.target}"
+
+
 def _words(rank: int, grasp: Grasp, names: Sequence[str] | None) -> str:
     """What is shown where the mouse is."""
     lines = (
-        f"<b>{rank}</b>: {html.escape(grasp.type)}",
+        f"<b>{rank}</b>: {html.escape(grasp.type)}{_of_target(grasp)}",
         f"probability {100 * grasp.probability:.0f} %",
         f"{grasp.support} votes",
         html.escape(voters(grasp, names)),
@@ -177,7 +182,7 @@ def _ranked_html(grasps: Sequence[Grasp], names: Sequence[str] | None) -> str:
     rows = [
         [
             str(rank),
-            html.escape(grasp.type),
+            html.escape(grasp.type) + _of_target(grasp),
             f"{100 * grasp.probability:.1f}",
             str(grasp.support),
             *(f"{1000 * value:.1f}" for value in grasp.T_input_tcp[:3, 3]),
