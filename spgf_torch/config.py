@@ -214,6 +214,38 @@ class ProposingConfig:
 
 
 @dataclass
+class HypothesesConfig:
+    """Antipodal hypotheses from sensed geometry, and the numbers that a judge weighs them by."""
+
+    seeds: int = bounded(1, 100_000)
+    normal_weight: float = bounded(0.0, 1.0)
+    normal_radius: float = bounded(0.001, 0.2)
+    tilt_deg: float = bounded(0.0, 90.0)
+    deepest: float = bounded(-0.2, 0.2)
+    shallowest: float = bounded(-0.2, 0.2)
+    depth_step: float = bounded(0.0005, 0.1)
+    back: int = bounded(0, 100)
+    face_gap: float = bounded(0.0, 0.1)
+    play: float = bounded(0.0, 0.1)
+    closing_points: int = bounded(1, 10_000)
+    hypotheses: int = bounded(1, 1_000_000)
+    coarse_points: int = bounded(1, 1_000_000)
+    friction: float = bounded(0.01, 5.0)
+    pad_depth: float = bounded(0.0005, 0.1)
+    margin: float = bounded(0.001, 1.0)
+    near_fingers: float = bounded(0.0, 1.0)
+    far_palm: float = bounded(0.0, 1.0)
+    grid: float = bounded(0.001, 0.1)
+    coarse_grid: float = bounded(0.001, 0.1)
+    unseen: float = bounded(0.0, 0.1)
+    unseen_mid: float = bounded(0.0, 1.0)
+    unseen_far: float = bounded(0.0, 1.0)
+    apart: float = bounded(0.0, 1.0)
+    apart_deg: float = bounded(0.0, 180.0)
+    count: int = bounded(1, 100_000)
+
+
+@dataclass
 class FingerConfig:
     """One finger of the hand: its pad (a point of `pad_link`'s closing face, in that link's frame, m) and its joints.
 
@@ -428,6 +460,7 @@ DEFAULTS: dict[type, str] = {
     PrototypeConfig: "prototypes/minibatch.yaml",
     AffordanceConfig: "affordance/lattice.yaml",
     ProposingConfig: "proposing/particles.yaml",
+    HypothesesConfig: "hypotheses/antipodal.yaml",
     HandConfig: "hand/sdh2.yaml",
     SamplerConfig: "sampler/surface_pairs.yaml",
     EpisodeConfig: "episode/pinch.yaml",
