@@ -19,7 +19,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load, save
 from torch import Tensor
 
-from spgf_torch.config import HandConfig, HypothesesConfig, InputError, ProposingConfig, typed
+from spgf_torch.config import HandConfig, HypothesesConfig, InputError, typed
 from spgf_torch.proposing.judge_features import GEOMETRY, NAMES
 from spgf_torch.proposing.trees import FORMS, Form
 from spgf_torch.reading import existing, json_values, unreadable
@@ -34,7 +34,7 @@ ARRAYS, ABOUT = "judge.safetensors", "judge.json"
 # What a judge knows: with images all numbers, without them those of geometry alone.
 KNOWN: Mapping[str, tuple[str, ...]] = {"images": NAMES, "bare": GEOMETRY}
 FACTORS = ("free", "holds")
-_SETTINGS: dict[str, type] = {"hand": HandConfig, "hypotheses": HypothesesConfig, "proposing": ProposingConfig}
+_SETTINGS: dict[str, type] = {"hand": HandConfig, "hypotheses": HypothesesConfig}
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Judge:
 
     Attributes:
         factors: (what is known, factor) -> its form: keys of `KNOWN` and `FACTORS`.
-        settings: hand, hypotheses and proposing, as plain values; they belong to what was learned.
+        settings: hand and hypotheses, as plain values; they belong to what was learned.
         sure: probability below which a grasp is not to be relied on.
         taught: object name -> digest, of what it learned from. results: how it did on held-out objects.
     """
@@ -66,9 +66,10 @@ class Judge:
         free, holds = (self.factors[known, factor].log_odds(given).sigmoid() for factor in FACTORS)
         return free, holds
 
-    def setting(self, name: str) -> Any:
-        """One of the settings, typed: hand, hypotheses or proposing."""
-        return typed(_SETTINGS[name], self.settings[name])
+    @property
+    def hypotheses(self) -> HypothesesConfig:
+        """The settings that its numbers were made with."""
+        return typed(HypothesesConfig, self.settings["hypotheses"])
 
     def check_hand(self, hand: Any, whose: str) -> None:
         """InputError where another hand (its plain settings) is asked about."""
