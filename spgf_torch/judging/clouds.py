@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from spgf_torch.config import JudgeConfig, SensingConfig
+from spgf_torch.config import InputError, JudgeConfig, SensingConfig
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.proposing.clearance import Plane, Surroundings
 from spgf_torch.proposing.judge_features import Seen
@@ -43,8 +43,19 @@ def sensed_cloud(obj: GraspObject, sensing: SensingConfig, on_table: bool, rng: 
     return Cloud(Seen(texlets, views), around, len(cameras), on_table)
 
 
+def seen_as(obj: GraspObject, sensing: SensingConfig, on_table: bool, seed: int) -> Cloud:
+    """The same from the seed and the object's name alone; the texlets of an object alone are those of `sensing.sense`.
+
+    Raises InputError where nothing of it is seen.
+    """
+    cloud = sensed_cloud(obj, sensing, on_table, np.random.default_rng([seed, zlib.crc32(obj.name.encode())]))
+    if not len(cloud.seen.texlets):
+        raise InputError(f"{obj.name}: expected at least one texlet, got none; extents {obj.mesh.extents} m")
+    return cloud
+
+
 def training_clouds(obj: GraspObject, config: JudgeConfig) -> list[Cloud]:
-    """The clouds of an object that teach, which follow from the seed and its name alone; those without texlets left out.
+    """The clouds of an object that teach, which follow from the seed and its name alone; none is without texlets.
 
     Azimuth and elevation are drawn for each.
     """

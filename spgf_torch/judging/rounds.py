@@ -112,7 +112,9 @@ def _tried(
                 where.append((bench.index, which))
     with stages.stage("trials", sum(map(len, poses)), "grasps") as advance:
         ended = tried(requests, trials, config.workers, cache, advance)
-    outcomes = {bench.index: torch.zeros(len(its), dtype=torch.int64) for bench, its in zip(benches, poses, strict=True)}
+    outcomes = {
+        bench.index: torch.zeros(len(its), dtype=torch.int64) for bench, its in zip(benches, poses, strict=True)
+    }
     for (index, which), codes in zip(where, ended, strict=True):
         outcomes[index][which] = codes
     return [outcomes[bench.index] for bench in benches]

@@ -106,7 +106,7 @@ class Bench:
         return Bench(index, obj, clouds, found, numbers)
 
     def rows(self, chosen: Chosen, outcome: Tensor, round_: int, search: Search) -> Rows:
-        """A row for each cloud in which a tried pose is admissible: free of what is seen there, with points to close on.
+        """A row for each cloud in which a tried pose is admissible: free of what is seen, with points to close on.
 
         Args:
             outcome: (C,) int64.
@@ -117,8 +117,8 @@ class Bench:
             at = search.closes(poses.T, poses.grasp_type, positions).nonzero()[:, 0]
             at = at[search.free(poses.T[at], poses.grasp_type[at], positions, cloud.around)]
             at = at[in_images(cloud.seen, poses.at(at), search)]
-            same = [torch.full((len(at),), value) for value in (self.index, number, round_)]
+            obj, its_cloud, its_round = (torch.full((len(at),), value) for value in (self.index, number, round_))
             numbers = judge_features(cloud.seen, poses.at(at), search)
-            home = chosen.cloud[at] == number
-            parts.append(Rows(numbers, outcome[at], *same, chosen.rank[at], home, chosen.probability[at]))
+            where = (obj, its_cloud, its_round, chosen.rank[at], chosen.cloud[at] == number)
+            parts.append(Rows(numbers, outcome[at], *where, chosen.probability[at]))
         return Rows.together(parts)

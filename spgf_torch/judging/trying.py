@@ -32,7 +32,9 @@ def tried(
     found: dict[str, Tensor] = {}
     for key, (_, _, T) in zip(keys, requests, strict=True):
         if cache.holds("outcomes", key):
-            found[key] = cache.tensors("outcomes", key, lambda: {"outcome": torch.zeros(0, dtype=torch.int64)})["outcome"]
+            found[key] = cache.tensors("outcomes", key, lambda: {"outcome": torch.zeros(0, dtype=torch.int64)})[
+                "outcome"
+            ]
             if len(found[key]) == len(T):
                 progress(len(T))
             else:  # damaged, and now an empty entry

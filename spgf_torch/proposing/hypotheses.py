@@ -127,16 +127,16 @@ class Search:
             first[frame[free], place[free]] = k
         for step in (0, self.config.back):
             frame, place = (first + step < len(depths)).nonzero(as_tuple=True)
-            k = first[frame, place] + step
-            may = possible[frame, k, place]
-            frame, place, k = frame[may], place[may], k[may]
+            at = first[frame, place] + step
+            may = possible[frame, at, place]
+            frame, place, at = frame[may], place[may], at[may]
             if step:
-                poses = moved(T[frame], depths[k], shift[frame, k, place])
+                poses = moved(T[frame], depths[at], shift[frame, at, place])
                 free = self._free_at(code, poses, positions, around)
-                frame, place, k = frame[free], place[free], k[free]
-            kept[frame, k, place] = True
-        frame, k, place = kept.nonzero(as_tuple=True)
-        return moved(T[frame], depths[k], shift[frame, k, place])
+                frame, place, at = frame[free], place[free], at[free]
+            kept[frame, at, place] = True
+        frame, at, place = kept.nonzero(as_tuple=True)
+        return moved(T[frame], depths[at], shift[frame, at, place])
 
     def _free_at(self, code: int, T: Tensor, positions: Tensor, around: Surroundings) -> Tensor:
         return self.free(T, torch.full((len(T),), code), positions, around)
@@ -147,7 +147,9 @@ def frames(positions: Tensor, normals: Tensor, config: HypothesesConfig) -> Tens
     seeds = se3.pose(positions.double(), torch.tensor([1.0, 0, 0, 0]).double().expand(len(positions), 4)).clone()
     seeds[:, :3, 2] = normals
     at = spread_order(seeds, config.seeds, config.normal_weight)
-    near = (torch.cdist(positions[at], positions, compute_mode="donot_use_mm_for_euclid_dist") < config.normal_radius).double()
+    near = (
+        torch.cdist(positions[at], positions, compute_mode="donot_use_mm_for_euclid_dist") < config.normal_radius
+    ).double()
     n = normals.double()
     bend = (near @ (n[:, :, None] * n[:, None, :]).flatten(1)).view(-1, 3, 3)
     normal = torch.nn.functional.normalize(near @ n, dim=1)

@@ -9,7 +9,7 @@ up: a table takes part through what is free of it, not here.
 - pads: the points within `pad_depth` of the outermost on either side, and how far their normals face along x.
   anti_min, anti_max: mean share of the friction cone's inside, 0 on the cone and 1 on its axis, of the worse and the
   better side; n_min, n_max: mean cosine.
-- both_sides, log_both: points whose cosine with x is beyond 0.5 to either side, of the rarer side: any, log(1 + number).
+- both_sides, log_both: points whose cosine with x is beyond 0.5 to either side, of the rarer side: any, log(1 + count).
 - reach: how deep the pads reach past the nearest point in front of them.
 - c_x, c_y, c_z, c_arm: the mean of all texlets: |x|, |y|, z, hypot(y, z). span: extent of all texlets along x over 2h.
   size_1 to size_3: root mean square extents of the texlets along their principal axes.
@@ -160,9 +160,7 @@ def body(at: Tensor, positions: Tensor, hand: HandGeometry) -> Tensor:
 def unseen(T: Tensor, seen: Seen, hand: HandGeometry) -> Tensor:
     """(G, 10): the numbers `UNSEEN` of hands at poses (G, 4, 4)."""
     config = hand.config
-    fingers, palm, sweep = (
-        behind(_placed(T, points), seen.views) for points in (hand.fingers, hand.palm, hand.sweep)
-    )
+    fingers, palm, sweep = (behind(_placed(T, points), seen.views) for points in (hand.fingers, hand.palm, hand.sweep))
     hidden = fingers > config.unseen
     left = hand.fingers[:, 0] < 0
     sides = torch.stack([share(hidden[:, left]), share(hidden[:, ~left])])

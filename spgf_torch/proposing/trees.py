@@ -45,7 +45,9 @@ class Trees:
         shapes = {len(part) for part in (self.threshold, self.left, self.right, self.value)}
         inner, own = self.feature >= 0, torch.arange(count, dtype=self.left.dtype)
         below = torch.stack([self.left, self.right])
-        ends = bool((below[:, inner] > own[inner]).all() and (below < count).all() and (below[:, ~inner] == own[~inner]).all())
+        ends = bool(
+            (below[:, inner] > own[inner]).all() and (below < count).all() and (below[:, ~inner] == own[~inner]).all()
+        )
         known = bool((self.feature < width).all() and (self.root >= 0).all() and (self.root < count).all())
         finite = all(bool(part.isfinite().all()) for part in (self.threshold, self.value, self.baseline))
         if shapes != {count} or self.baseline.shape != (1,) or not (ends and known and finite):

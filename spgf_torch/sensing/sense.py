@@ -61,7 +61,7 @@ def observe_on_table(
 ) -> tuple[Texlets, tuple[DepthView, ...]]:
     """Texlets of a mesh that stands on a table at its lowest z, what is more than `ABOVE` over it; and the images."""
     level = float(mesh.bounds[0, 2])
-    both = trimesh.util.concatenate([mesh, _table(mesh)])
+    both: trimesh.Trimesh = trimesh.util.concatenate([mesh, _table(mesh)])  # type: ignore[assignment]
     images, views = [], []
     for camera in cameras:
         depth, cosine = cast(both, camera)

@@ -20,8 +20,8 @@ from spgf_torch.scene.poses import read_poses
 from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, cast, look_at
-from spgf_torch.sensing.unseen import behind
 from spgf_torch.sensing.texlets import extract
+from spgf_torch.sensing.unseen import behind
 
 SENSING = settings(SensingConfig)
 K = np.array([[280.0, 0, 49.5], [0, 290.0, 39.5], [0, 0, 1]])
