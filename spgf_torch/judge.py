@@ -54,7 +54,7 @@ def run(config: JudgeConfig, folder: Path) -> None:
     benches = _benches(objects, search, config, stages)
     rows = _trials(benches, fold, Trials(load_hand(config.hand), config.episode), search, config, cache, stages)
     with stages.stage("learning", config.folds + 1, "judges") as advance:
-        results = {
+        results: dict[str, Any] = {
             "executed": executed(rows, benches, config),
             "cross_validated": cross_validated(rows, benches, fold, config),
             "rows": len(rows),

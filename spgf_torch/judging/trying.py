@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
-import torch
 from torch import Tensor
 
 from spgf_torch.cache import Cache, fingerprint
@@ -12,6 +12,8 @@ from spgf_torch.config import plain
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.trials.runner import Trials, execute, versions
 
+# Of entries of the cache.
+KIND = "outcomes"
 # Object, grasp type, T_object_tcp (M, 4, 4).
 Request = tuple[GraspObject, str, Tensor]
 
@@ -29,18 +31,18 @@ def tried(
     """
     common = (trials.hand.digest, plain(trials.episode), versions())
     keys = [fingerprint(obj.digest, kind, T, *common) for obj, kind, T in requests]
+
+    def again(request: Request) -> dict[str, Tensor]:
+        """Of one whose entry is damaged."""
+        return {"outcome": next(execute([request], trials, workers))}
+
     found: dict[str, Tensor] = {}
-    for key, (_, _, T) in zip(keys, requests, strict=True):
-        if cache.holds("outcomes", key):
-            found[key] = cache.tensors("outcomes", key, lambda: {"outcome": torch.zeros(0, dtype=torch.int64)})[
-                "outcome"
-            ]
-            if len(found[key]) == len(T):
-                progress(len(T))
-            else:  # damaged, and now an empty entry
-                del found[key]
+    for key, request in zip(keys, requests, strict=True):
+        if cache.holds(KIND, key):
+            found[key] = cache.tensors(KIND, key, partial(again, request))["outcome"]
+            progress(len(request[2]))
     missing = [(key, request) for key, request in zip(keys, requests, strict=True) if key not in found]
     outcomes = execute([request for _, request in missing], trials, workers, lambda _, done: progress(done))
     for (key, _), codes in zip(missing, outcomes, strict=True):
-        found[key] = cache.tensors("outcomes", key, lambda codes=codes: {"outcome": codes})["outcome"]
+        found[key] = cache.tensors(KIND, key, partial(dict, outcome=codes))["outcome"]
     return [found[key] for key in keys]
