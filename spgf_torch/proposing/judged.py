@@ -63,9 +63,14 @@ def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, ar
     hypotheses = hypotheses.at(in_images(seen, hypotheses, search))
     numbers = judge_features(seen, hypotheses, search)
     probability = judge.probability(numbers, images=bool(seen.views))
+    return best_of(hypotheses, probability, config)
+
+
+def best_of(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig) -> Ranked:
+    """The highest scores (H,) f32, no two of the same grasp, at most `config.count` of each type."""
     alike = torch.zeros_like(hypotheses.grasp_type)  # a wide and a narrow grasp of one place are one grasp
-    kept = suppress(hypotheses.T, alike, probability, config.apart, config.apart_deg)
-    pool = Pool(hypotheses.T[kept], hypotheses.grasp_type[kept], probability[kept])
+    kept = suppress(hypotheses.T, alike, score, config.apart, config.apart_deg)
+    pool = Pool(hypotheses.T[kept], hypotheses.grasp_type[kept], score[kept])
     pool = pool.at(pool.best_of_each_type(config.count))
     pool = pool.at(torch.argsort(pool.score, descending=True, stable=True))
     return Ranked(Hypotheses(pool.T, pool.grasp_type), pool.score)
