@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import torch
 from sklearn.ensemble import HistGradientBoostingClassifier
 from sklearn.linear_model import LogisticRegression
+from threadpoolctl import threadpool_limits
 from torch import Tensor
 
 from spgf_torch.config import JudgeConfig, TreesConfig, plain
@@ -17,9 +19,12 @@ from spgf_torch.judging.rows import Rows
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.proposing.judge import FACTORS, KNOWN, Judge
 from spgf_torch.proposing.trees import Form, Logistic, Trees
+from spgf_torch.threads import in_parts
 
 # Rows below which an object weighs less than others: a few are no sample of it.
 _FEW = 50
+# Values of a number that trees tell apart: scikit-learn's most.
+BINS = 255
 # Strength of the logistic form's regularisation (scikit-learn's C), and steps until it must have settled.
 _C, _STEPS = 0.3, 5000
 
@@ -30,14 +35,18 @@ def learn_judge(rows: Rows, config: JudgeConfig, known: Sequence[str] = tuple(KN
     Args:
         known: which of `KNOWN` are needed; to choose trials, the one with images alone.
     """
-    weight, factors = weights(rows), {}
-    for name in known:
-        numbers = rows.numbers[:, : len(KNOWN[name])]
-        for factor, among, label in zip(
-            FACTORS, (torch.ones_like(rows.free), rows.free), (rows.free, rows.success), strict=True
-        ):
-            factors[name, factor] = fit(numbers[among], label[among], weight[among], config)
-    return factors
+    weight = weights(rows)
+    every = torch.ones_like(rows.free)
+    targets = {"free": (every, rows.free), "holds": (rows.free, rows.success)}
+    keys = [(name, factor) for name in known for factor in FACTORS]
+
+    def work(key: tuple[str, str]) -> Form:
+        among, label = targets[key[1]]
+        # Each on one thread of its own: scikit-learn's threads wait for each other at every split of every tree.
+        with threadpool_limits(1, user_api="openmp"):
+            return fit(rows.numbers[among, : len(KNOWN[key[0]])], label[among], weight[among], config)
+
+    return dict(zip(keys, in_parts(work, keys), strict=True))
 
 
 def settings_of(config: JudgeConfig) -> Mapping[str, Any]:
@@ -76,7 +85,29 @@ def _trees(x: np.ndarray, y: np.ndarray, weight: np.ndarray, config: TreesConfig
         early_stopping=False,
         random_state=0,
     )
-    return trees_of(learner.fit(x, y, sample_weight=weight))
+    edges = [quantiles(column) for column in x.T]
+    # Few whole numbers, of which scikit-learn need not find weighted quantiles, which takes it most of the time.
+    ranks = np.stack([np.searchsorted(its, column) for its, column in zip(edges, x.T, strict=True)], axis=1)
+    return unranked(trees_of(learner.fit(ranks, y, sample_weight=weight)), edges)
+
+
+def quantiles(values: np.ndarray) -> np.ndarray:
+    """(<= BINS - 1,) float64, rising: places between values (R,) where a tree may part them."""
+    found = np.unique(values)
+    if len(found) > BINS:
+        found = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)[1:-1], method="lower"))
+        above = np.unique(values)
+        after = above[np.minimum(np.searchsorted(above, found, side="right"), len(above) - 1)]
+        return (found + after) / 2
+    return (found[:-1] + found[1:]) / 2
+
+
+def unranked(trees: Trees, edges: Sequence[np.ndarray]) -> Trees:
+    """The same trees asked about numbers, which were learned from their ranks among `edges`, of each feature."""
+    threshold = trees.threshold.clone()
+    for node in (trees.feature >= 0).nonzero()[:, 0].tolist():
+        threshold[node] = edges[int(trees.feature[node])][int(threshold[node])]
+    return replace(trees, threshold=threshold)
 
 
 def trees_of(learner: HistGradientBoostingClassifier) -> Trees:

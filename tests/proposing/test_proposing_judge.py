@@ -8,7 +8,7 @@ import torch
 from sklearn.ensemble import HistGradientBoostingClassifier
 
 from spgf_torch.config import HandConfig, HypothesesConfig, InputError, JudgeConfig, TreesConfig, plain, settings
-from spgf_torch.judging.learning import fit, learn_judge, trees_of, weights
+from spgf_torch.judging.learning import fit, learn_judge, quantiles, trees_of, weights
 from spgf_torch.judging.rows import Rows
 from spgf_torch.proposing.judge import Judge, load_judge, save_judge
 from spgf_torch.proposing.judge_features import GEOMETRY, NAMES
@@ -59,6 +59,27 @@ def test_trees_say_what_scikit_learn_says(depth: dict[str, int | None]) -> None:
     said = trees.log_odds(torch.from_numpy(asked)).sigmoid().numpy()
     np.testing.assert_allclose(said, learner.predict_proba(asked)[:, 1], atol=1e-6)
     assert said.std() > 0.1
+
+
+@pytest.mark.parametrize("distinct", [4, 3000])
+def test_ranks_teach_the_same_trees(distinct: int) -> None:
+    """Learned from ranks, asked about numbers: what scikit-learn says that learned from the numbers."""
+    rng = np.random.default_rng(0)
+    x = rng.integers(0, distinct, (1500, 3)) / distinct
+    x[:, 2] = 7.0  # says nothing
+    y = x[:, 0] + 0.3 * rng.standard_normal(1500) > 0.5
+    ours = fit(torch.from_numpy(x), torch.from_numpy(y), torch.ones(1500), config())
+    made = settings(TreesConfig, trees=20, least=10)
+    theirs = HistGradientBoostingClassifier(
+        max_iter=made.trees, learning_rate=made.rate, max_leaf_nodes=made.leaves, min_samples_leaf=made.least,
+        l2_regularization=made.l2, early_stopping=False,
+    ).fit(x, y)  # fmt: skip
+    assert isinstance(ours, Trees)
+    said, expected = ours.log_odds(torch.from_numpy(x)).sigmoid().numpy(), theirs.predict_proba(x)[:, 1]
+    assert np.abs(said - expected).mean() < (1e-9 if distinct == 4 else 0.02)  # of many values: other quantiles
+    assert np.corrcoef(said, expected)[0, 1] > 0.99
+    edges = quantiles(x[:, 0])
+    assert len(edges) == min(distinct - 1, 254) and not np.isin(edges, x[:, 0]).any() and (np.diff(edges) > 0).all()
 
 
 def test_a_judge_learns_what_there_is_to_learn(judge: Judge) -> None:
