@@ -34,11 +34,14 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_alone)
 
 
-def load(folder: str | Path, device: str = "cpu") -> Predictor:
-    """The model that `train` left in `folder`, ready to propose grasps (`spgf_torch.predictor`)."""
+def load(folder: str | Path, device: str = "cpu", judge: str | Path | None = None) -> Predictor:
+    """The model that `train` left in `folder`, ready to propose grasps (`spgf_torch.predictor`).
+
+    With the folder of a `judge` of its hand (`python -m spgf_torch.judge`) that proposes, and ranks by probability.
+    """
     from spgf_torch.predictor import Predictor
 
-    return Predictor.load(folder, device).ready()
+    return Predictor.load(folder, device, judge=judge).ready()
 
 
 def __getattr__(name: str) -> object:

@@ -215,6 +215,35 @@ class ProposingConfig:
 
 
 @dataclass
+class HypothesesConfig:
+    """Antipodal hypotheses from sensed geometry, and the numbers that a judge weighs them by."""
+
+    seeds: int = bounded(1, 100_000)
+    normal_weight: float = bounded(0.0, 1.0)
+    normal_radius: float = bounded(0.001, 0.2)
+    tilt_deg: float = bounded(0.0, 90.0)
+    deepest: float = bounded(-0.2, 0.2)
+    shallowest: float = bounded(-0.2, 0.2)
+    depth_step: float = bounded(0.0005, 0.1)
+    back: int = bounded(0, 100)
+    face_gap: float = bounded(0.0, 0.1)
+    play: float = bounded(0.0, 0.1)
+    closing_points: int = bounded(1, 10_000)
+    hypotheses: int = bounded(1, 1_000_000)
+    coarse_points: int = bounded(1, 1_000_000)
+    friction: float = bounded(0.01, 5.0)
+    pad_depth: float = bounded(0.0005, 0.1)
+    margin: float = bounded(0.001, 1.0)
+    near_fingers: float = bounded(0.0, 1.0)
+    far_palm: float = bounded(0.0, 1.0)
+    grid: float = bounded(0.001, 0.1)
+    coarse_grid: float = bounded(0.001, 0.1)
+    unseen: float = bounded(0.0, 0.1)
+    unseen_mid: float = bounded(0.0, 1.0)
+    unseen_far: float = bounded(0.0, 1.0)
+
+
+@dataclass
 class FingerConfig:
     """One finger of the hand: its pad (a point of `pad_link`'s closing face, in that link's frame, m) and its joints.
 
@@ -361,6 +390,8 @@ class EvaluateConfig(ObjectsConfig):
     """`python -m spgf_torch.evaluate`: the model's best grasps on a folder of meshes, executed."""
 
     model: str = text()
+    judge: str | None = text()
+    table: bool = MISSING
     held_out: bool = MISSING
     N: int = bounded(1, 1000)
     candidates: str = choice("proposed", "sampled")
@@ -379,10 +410,50 @@ class EvaluateConfig(ObjectsConfig):
 
 
 @dataclass
+class TreesConfig:
+    """Boosted trees of a judge (scikit-learn's HistGradientBoostingClassifier)."""
+
+    trees: int = bounded(1, 10_000)
+    rate: float = bounded(0.001, 1.0)
+    leaves: int = bounded(2, 1000)
+    least: int = bounded(1, 100_000)
+    l2: float = bounded(0.0, 1e6)
+
+
+@dataclass
+class JudgeConfig(ObjectsConfig):
+    """`python -m spgf_torch.judge`: a hand's judge of grasp hypotheses."""
+
+    trials: str | None = text()
+    candidates: int = bounded(1, 1_000_000)
+    rounds: int = bounded(1, 10)
+    best: int = bounded(1, 1000)
+    random: int = bounded(0, 1000)
+    one_view: int = bounded(1, 100)
+    four_views: int = bounded(0, 100)
+    lowest_deg: float = bounded(-89.0, 89.0)
+    highest_deg: float = bounded(-89.0, 89.0)
+    folds: int = bounded(2, 50)
+    form: str = choice("trees", "logistic")
+    sure: float = bounded(0.0, 1.0)
+    bootstrap: int = bounded(100, 1_000_000)
+    seed: int = bounded(0, 2**31 - 1)
+    cache: str | None = text()
+    cache_gb: float = bounded(0.0, 1e6)
+    sensing: SensingConfig = field(default_factory=SensingConfig)
+    sampler: SamplerConfig = field(default_factory=SamplerConfig)
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    proposing: ProposingConfig = field(default_factory=ProposingConfig)
+    hypotheses: HypothesesConfig = field(default_factory=HypothesesConfig)
+    learning: TreesConfig = field(default_factory=TreesConfig)
+
+
+@dataclass
 class PredictConfig(SceneConfig):
     """`python -m spgf_torch.predict`: ranked grasps for people's own data; its input settings are those of a scene."""
 
     model: str = text()
+    judge: str | None = text()
     N: int = bounded(1, 1000)
     retreat: float = bounded(0.0, 1.0)
     device: str = text()
@@ -429,6 +500,8 @@ DEFAULTS: dict[type, str] = {
     PrototypeConfig: "prototypes/minibatch.yaml",
     AffordanceConfig: "affordance/lattice.yaml",
     ProposingConfig: "proposing/particles.yaml",
+    HypothesesConfig: "hypotheses/antipodal.yaml",
+    TreesConfig: "learning/trees.yaml",
     HandConfig: "hand/sdh2.yaml",
     SamplerConfig: "sampler/surface_pairs.yaml",
     EpisodeConfig: "episode/pinch.yaml",

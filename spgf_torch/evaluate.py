@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spgf_torch.cli import door
-from spgf_torch.config import EvaluateConfig, find
-from spgf_torch.given import check_folder, check_model
+from spgf_torch.config import EvaluateConfig, InputError, find
+from spgf_torch.given import check_folder, check_judge, check_model
 from spgf_torch.progress import Stages
 
 if TYPE_CHECKING:
@@ -21,17 +21,19 @@ if TYPE_CHECKING:
     from spgf_torch.experiment.execution import Executed
     from spgf_torch.experiment.restored import Restored
     from spgf_torch.objects.grasp_object import GraspObject
+    from spgf_torch.proposing.judge import Judge
 
 
 def run(config: EvaluateConfig, folder: Path) -> None:
     """Sense the meshes, rank candidate grasps, execute the best of each type; write the rates into `folder`."""
     if not config.held_out:
         check_model(config.model)
+    _check_judge(config)
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.affordance.model import check_device
     from spgf_torch.cache import Cache
-    from spgf_torch.evaluation.executed import executed_results
+    from spgf_torch.evaluation.executed import executed_results, judged_results
     from spgf_torch.evaluation.files import write_json
     from spgf_torch.evaluation.tables import executed_table, scans_table
     from spgf_torch.experiment.execution import execute_best
@@ -52,11 +54,12 @@ def run(config: EvaluateConfig, folder: Path) -> None:
         show(scans_table(found.scans))
 
     objects, start = found.objects, time.perf_counter()
+    judge = _judge(objects, config)
     if not config.held_out and (known := learned_from(objects, meets(objects[0]).model)):
         show(f"the model learned from {known} of these objects: held_out=true asks models that have not seen them")
     restored = [meets(obj) for obj in objects]
     if config.candidates == "proposed":
-        grasps, scores = proposed(restored, objects, config, stages)
+        grasps, scores = proposed(restored, objects, config, stages, judge)
     else:
         grasps, scores = sampled(restored, objects, config, stages)
     each = (time.perf_counter() - start) / len(objects)
@@ -64,6 +67,11 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     trials = Trials(load_hand(config.hand), config.episode)
     executed = execute_best(objects, grasps, scores, trials, config, stages)
     results = executed_results(outcomes_of(objects, executed, each), config)
+    if config.judge is not None or config.table:
+        chosen = [ran.best["CG"] for ran in executed]
+        held = [ran.success[best].numpy() for ran, best in zip(executed, chosen, strict=True)]
+        said = [score[best].numpy() for score, best in zip(scores, chosen, strict=True)] if judge else None
+        results |= judged_results(held, said, config)
     write_json(folder / "results.json", results)
     failures = failures_picture(objects, grasps, executed, config.hand.openings)
     if failures:
@@ -71,6 +79,34 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     show(executed_table(results))
     pictured = "failures.png shows the CG grasps that failed" if failures else "no CG grasp failed: no picture"
     show(f"results and settings in {folder}; {pictured}")
+
+
+def _check_judge(config: EvaluateConfig) -> None:
+    """InputError for settings that a judge or a table does not go with."""
+    check_judge(config.judge)
+    for key in ("judge", "table"):
+        if getattr(config, key) and config.candidates != "proposed":
+            raise InputError(f"{key}: expected with candidates=proposed, got {config.candidates}")
+    if config.judge is not None and config.held_out:
+        raise InputError(
+            "judge: expected held_out=false, got true: one judge has no folds; how it does on objects that it has not "
+            "seen is in its README.md"
+        )
+
+
+def _judge(objects: Sequence[GraspObject], config: EvaluateConfig) -> Judge | None:
+    """The judge that the settings name; a line tells where it has learned from these objects."""
+    from spgf_torch.config import plain
+    from spgf_torch.progress import show
+    from spgf_torch.proposing.judge import load_judge
+
+    if config.judge is None:
+        return None
+    judge = load_judge(find(config.judge))
+    judge.check_hand(plain(config.hand), "this hand")
+    if known := sum(obj.digest in judge.taught.values() for obj in objects):
+        show(f"the judge learned from {known} of these objects: its README.md has its rates on held-out ones")
+    return judge
 
 
 def models(config: EvaluateConfig) -> Callable[[GraspObject], Restored]:
@@ -112,23 +148,39 @@ def sampled(
 
 
 def proposed(
-    restored: Sequence[Restored], objects: Sequence[GraspObject], config: EvaluateConfig, stages: Stages
+    restored: Sequence[Restored],
+    objects: Sequence[GraspObject],
+    config: EvaluateConfig,
+    stages: Stages,
+    judge: Judge | None = None,
 ) -> tuple[list[Grasps], list[Tensor]]:
     """Grasps proposed for what is sensed of the objects, no mesh used, and their scores; random candidates beside."""
-    from spgf_torch.experiment.describe import Grasps
     from spgf_torch.experiment.execution import candidate_grasps, with_random
-    from spgf_torch.sensing.sense import sense
 
     pairs = []
     with stages.stage("proposing", len(objects), "objects") as advance:
         for model, obj in zip(restored, objects, strict=True):
-            found = model.proposer.propose(sense(obj, config.sensing, config.seed))
+            found, score = _proposals(model, obj, config, judge)
             random = candidate_grasps(obj, config.random_trials, config.sampler, config.seed)
-            pairs.append(
-                with_random(Grasps(found.T_object_tcp.cpu(), found.grasp_type.cpu()), found.score.cpu(), random)
-            )
+            pairs.append(with_random(found, score, random))
             advance(1)
     return [grasps for grasps, _ in pairs], [score for _, score in pairs]
+
+
+def _proposals(model: Restored, obj: GraspObject, config: EvaluateConfig, judge: Judge | None) -> tuple[Grasps, Tensor]:
+    """What the judge, or else the model, proposes for an object, alone or on a table, and the scores."""
+    from spgf_torch.experiment.describe import Grasps
+    from spgf_torch.judging.clouds import seen_as
+    from spgf_torch.proposing.hypotheses import Search
+    from spgf_torch.proposing.judged import ranked
+
+    cloud = seen_as(obj, config.sensing, config.table, config.seed)
+    if judge is None:
+        found = model.proposer.propose(cloud.seen.texlets, cloud.around)
+        return Grasps(found.T_object_tcp.cpu(), found.grasp_type.cpu()), found.score.cpu()
+    search = Search.of(model.proposer.clearance, judge.hypotheses)
+    best = ranked(judge, search, config.proposing, cloud.seen, cloud.around)
+    return Grasps(best.poses.T, best.poses.grasp_type), best.probability
 
 
 def outcomes_of(objects: Sequence[GraspObject], executed: Sequence[Executed], seconds: float) -> list[ObjectOutcome]:

@@ -43,6 +43,17 @@ def check_model(path: str) -> None:
             raise InputError(f"{folder / name}: expected a model that train left (make train), found no such file")
 
 
+def check_judge(path: str | None) -> None:
+    """InputError unless the folder holds a judge, as far as its names tell; None is none."""
+    if path is None:
+        return
+    for name in ("judge.json", "judge.safetensors"):
+        if not (find(path) / name).is_file():
+            raise InputError(
+                f"judge: expected a folder that python -m spgf_torch.judge left, found no {name} in {path}"
+            )
+
+
 def _words(value: Any) -> Iterator[str | Path]:
     if isinstance(value, str | Path) and value:
         yield value

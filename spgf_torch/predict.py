@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING
 
 from spgf_torch.cli import door
 from spgf_torch.config import GRASP_TYPES, PredictConfig, SensingConfig, find, typed
-from spgf_torch.given import check_files, check_model
+from spgf_torch.given import check_files, check_judge, check_model
 from spgf_torch.progress import Stages, show
 
 if TYPE_CHECKING:
     from spgf_torch.exporting.records import Grasp
+
+
+UNKNOWN = "without unseen space, which only depth images tell: behind what is seen nothing is known to be there"
 
 
 def by_type(grasps: Sequence[Grasp]) -> str:
@@ -27,6 +30,7 @@ def run(config: PredictConfig, folder: Path) -> None:
     """Read the scene, propose grasps, write them into `folder` in every format, with a page and a picture."""
     check_files(config, "input", "intrinsics", "poses", "mask", "segments")
     check_model(config.model)
+    check_judge(config.judge)
 
     import numpy as np
 
@@ -48,9 +52,14 @@ def run(config: PredictConfig, folder: Path) -> None:
     for note in scene.notes:
         show(note)
     with stages.stage("model", 1, "model") as advance:
-        predictor = Predictor.load(folder_of_model, config.device, config.proposing, config.retreat).ready()
+        predictor = Predictor.load(
+            folder_of_model, config.device, config.proposing, config.retreat, config.judge
+        ).ready()
         advance(1)
     show(f"model: {folder_of_model.resolve()}, K = {len(predictor.model.centres)}")
+    if predictor.judged is not None:
+        known = f"unseen space from {len(scene.views)} depth images" if scene.views else UNKNOWN
+        show(f"judge: {find(str(config.judge)).resolve()}, {known}")
     start = time.perf_counter()
     with stages.stage("grasps", len(scene.texlets), "texlets") as advance:
         grasps = predictor.predict(scene, config.N)
@@ -67,7 +76,11 @@ def run(config: PredictConfig, folder: Path) -> None:
     if grasps:
         show(grasp_table(grasps[: config.N], names, targets=len(scene.targets) > 1))
     else:
-        show(f"no grasp: {scene.no_grasp or 'no shape here votes for any that the open hand could reach freely'}")
+        who = "no shape here votes for any" if predictor.judged is None else "there is nothing to close on"
+        show(f"no grasp: {scene.no_grasp or f'{who} that the open hand could reach freely'}")
+    sure = 0.0 if predictor.judged is None else predictor.judged.judge.sure
+    if grasps and grasps[0].probability < sure:
+        show(f"nothing sure: the best holds with a probability of {grasps[0].probability:.0%}, less than {sure:.0%}")
     for target in scene.targets if len(scene.targets) > 1 else ():
         show(f"target {target}: {sum(grasp.target == target for grasp in grasps)} grasps")
     show(f"{len(grasps)} grasps ({by_type(grasps)}) from {len(scene.texlets)} texlets in {seconds:.2f} s")

@@ -23,6 +23,9 @@ from spgf_torch.affordance.sensed_collision import hand_volume
 from spgf_torch.config import HandConfig, InputError, ProposingConfig, SceneConfig, SensingConfig, find, settings, typed
 from spgf_torch.exporting.records import Grasp, Gripper, grippers_of, make_grasp
 from spgf_torch.proposing.clearance import Plane, Surroundings
+from spgf_torch.proposing.judge import load_judge
+from spgf_torch.proposing.judge_features import Seen
+from spgf_torch.proposing.judged import JudgedProposer
 from spgf_torch.proposing.propose import Proposals, Proposer
 from spgf_torch.reporting.learned import descriptor_of, rings_deg
 from spgf_torch.reporting.names import prototype_names
@@ -30,6 +33,7 @@ from spgf_torch.scene.arrays import cloud_of_arrays
 from spgf_torch.scene.assembly import texlets_of
 from spgf_torch.scene.scene import Scene, check_spacing
 from spgf_torch.sensing.texlets import Texlets
+from spgf_torch.sensing.unseen import DepthView
 from spgf_torch.trials.hand import load_hand
 
 # m that the hand waits back from a grasp before it approaches: a finger's length of the SDH-2.
@@ -44,6 +48,7 @@ class Predictor:
         sensing: how the model's training objects were sensed: spacing of texlets.
         grippers: grasp type -> the open hand.
         retreat: m between pregrasp and grasp.
+        judged: who proposes in the place of the votes; None: the votes do.
     """
 
     model: GraspModel
@@ -51,21 +56,30 @@ class Predictor:
     grippers: Mapping[str, Gripper]
     proposer: Proposer
     retreat: float
+    judged: JudgedProposer | None = None
 
     @staticmethod
     def load(
-        folder: str | Path, device: str = "cpu", proposing: ProposingConfig | None = None, retreat: float = RETREAT
+        folder: str | Path,
+        device: str = "cpu",
+        proposing: ProposingConfig | None = None,
+        retreat: float = RETREAT,
+        judge: str | Path | None = None,
     ) -> Predictor:
         """The model that `train` left in `folder`, and the hand that it was trained with.
 
-        Raises InputError where there is none, or the hand's URDF is not here.
+        Args:
+            judge: the folder of a judge of this hand (`python -m spgf_torch.judge`), which then proposes.
+
+        Raises InputError where there is none, the hand's URDF is not here, or the judge is of another hand.
         """
         check_device(device)
         model = load_model(find(folder), device)
         grippers = grippers_of(load_hand(typed(HandConfig, model.settings["hand"])))
         volumes = {kind: hand_volume(gripper.shapes) for kind, gripper in grippers.items()}
         proposer = Proposer.of(model, proposing or settings(ProposingConfig), volumes)
-        return Predictor(model, typed(SensingConfig, model.settings["sensing"]), grippers, proposer, retreat)
+        judged = None if judge is None else JudgedProposer.of(load_judge(find(judge)), proposer)
+        return Predictor(model, typed(SensingConfig, model.settings["sensing"]), grippers, proposer, retreat, judged)
 
     def ready(self) -> Predictor:
         """Do now what the first prediction would do besides: tables of the model, and compiled loops; seconds."""
@@ -130,7 +144,7 @@ class Predictor:
             raise InputError("plane: expected with texlets only; a scene has its table (table=[a,b,c,d])")
         found: list[Grasp] = []
         for target in scene.targets if scene.no_grasp is None else ():
-            proposals = self.proposer.propose((own := scene.of(target)).texlets, self.surroundings(own))
+            proposals = self._proposed((own := scene.of(target)).texlets, self.surroundings(own), own.views)
             found += [replace(grasp, target=target) for grasp in self.grasps(proposals, top)]
         return sorted(found, key=lambda grasp: -grasp.score)
 
@@ -143,7 +157,13 @@ class Predictor:
 
     def propose(self, texlets: Texlets, plane: np.ndarray | None = None) -> Proposals:
         """All proposals, as tensors on the model's device."""
-        return self.proposer.propose(texlets, Surroundings(table=_table(plane), retreat=self.retreat))
+        return self._proposed(texlets, Surroundings(table=_table(plane), retreat=self.retreat), None)
+
+    def _proposed(self, texlets: Texlets, around: Surroundings, views: tuple[DepthView, ...] | None) -> Proposals:
+        """By the judge, where there is one, else by the votes."""
+        if self.judged is None:
+            return self.proposer.propose(texlets, around)
+        return self.judged.propose(Seen(texlets, views or ()), around)
 
     def grasps(self, proposals: Proposals, top: int) -> list[Grasp]:
         """The best of the proposals, with everything that a robot needs."""

@@ -50,6 +50,7 @@ NOT_YET = (
     "trimesh",
     "numba",
     "plotly",
+    "sklearn",
 )
 COUNT = """
 import runpy, sys
@@ -77,6 +78,8 @@ except SystemExit as left:
         ("compare", ["runs=missing"]),
         ("baseline", ["export=missing"]),
         ("train", ["K=0"]),
+        ("judge", ["objects=missing"]),
+        ("judge", ["trials=missing"]),
     ],
     ids=str,
 )

@@ -6,7 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from spgf_torch.config import EvaluateConfig
+from spgf_torch.evaluation.reliability import reliability
 from spgf_torch.evaluation.success import Rates, bootstrap_interval, class_means
 
 SCHEMA = 1
@@ -44,6 +47,24 @@ def executed_results(outcomes: Sequence[ObjectOutcome], config: EvaluateConfig) 
         "random": class_means(classes, [o.random for o in outcomes]),
         "per_object": [_row(o) for o in outcomes],
     }
+
+
+def judged_results(
+    held: Sequence[np.ndarray], said: Sequence[np.ndarray] | None, config: EvaluateConfig
+) -> dict[str, Any]:
+    """More of `results.json` where a judge ranked, or things stood on a table; of the best CG grasps of each object.
+
+    Args:
+        held: of each object (<= N,) bool, best first. said: (<= N,) probabilities of a judge; None: the votes ranked.
+    """
+    first = [float(ran[0]) if len(ran) else 0.0 for ran in held]
+    found: dict[str, Any] = {"judge": config.judge, "table": config.table, "top1": float(np.mean(first))}
+    # Of fewer grasps than N those that are missing count as failures.
+    found["top_N"] = float(np.mean([ran.sum() / config.N for ran in held]))
+    if said is not None:
+        p, success = np.concatenate(said), np.concatenate(held)
+        found |= {"predicted": float(p.mean()) if len(p) else 0.0, "ece": reliability(p, success).ece}
+    return {"judged": found}
 
 
 def _row(outcome: ObjectOutcome) -> Mapping[str, Any]:

@@ -10,13 +10,13 @@ from torch import Tensor
 
 from spgf_torch.affordance.sensed_collision import HandVolume, hand_volume
 from spgf_torch.cache import fingerprint
-from spgf_torch.config import HandConfig, InputError, TrainConfig, find
+from spgf_torch.config import HandConfig, InputError, SamplerConfig, TrainConfig, find
 from spgf_torch.experiment.describe import Grasps
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.reading import yaml_values
 from spgf_torch.trials.hand import load_hand
 from spgf_torch.trials.runner import Trials, origin
-from spgf_torch.trials.table import read_tables
+from spgf_torch.trials.table import TrialTable, read_tables
 
 
 @dataclass(frozen=True)
@@ -33,17 +33,22 @@ class Tried:
 
 
 def tried_grasps(objects: Sequence[GraspObject], config: TrainConfig) -> list[Tried]:
-    """The trials on each object, in its order.
+    """The trials on each object, in its order; see `tables_of`."""
+    tables = tables_of(objects, config.trials, Trials(load_hand(config.hand), config.episode), config.sampler)
+    return [Tried(Grasps(t.T_object_tcp, t.grasp_type), t.success) for t in tables]
+
+
+def tables_of(objects: Sequence[GraspObject], place: str, trials: Trials, sampler: SamplerConfig) -> list[TrialTable]:
+    """The trial tables of objects in the folder `place`, in their order.
 
     Raises InputError where a table is missing, damaged, or was made with another hand, object, sampler or episode
     than the settings'. How many candidates and which seed is up to the table, the same for all of its files.
     """
-    folder = find(config.trials)
+    folder = find(place)
     candidates, seed = _made_with(folder / "config.yaml")
-    trials = Trials(load_hand(config.hand), config.episode)
-    first = origin(objects[0], trials, config.sampler, candidates, seed)  # all but the object is the same for all
+    first = origin(objects[0], trials, sampler, candidates, seed)  # all but the object is the same for all
     expected = [replace(first, object_name=obj.name, object_digest=obj.digest) for obj in objects]
-    return [Tried(Grasps(t.T_object_tcp, t.grasp_type), t.success) for t in read_tables(folder, expected)]
+    return read_tables(folder, expected)
 
 
 def dataset_digest(objects: Sequence[GraspObject], tried: Sequence[Tried]) -> str:

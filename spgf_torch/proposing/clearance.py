@@ -195,11 +195,11 @@ def _box(x: float, yz: float) -> HandVolume:
 
 def hull_corners(volume: HandVolume) -> Tensor:
     """Corners (C, 3) f32 of the convex hull of all pieces of a hand, in the TCP frame."""
-    corners = np.concatenate([_corners(planes.double().cpu().numpy()) for planes in volume.planes])
+    corners = np.concatenate([corners_of(planes.double().cpu().numpy()) for planes in volume.planes])
     return torch.from_numpy(corners[ConvexHull(corners).vertices]).float()
 
 
-def _corners(planes: np.ndarray) -> np.ndarray:
+def corners_of(planes: np.ndarray) -> np.ndarray:
     """Corners (C, 3) of the polytope planes[:, :3] @ p <= planes[:, 3], unit normals."""
     # The point farthest inside (Chebyshev centre): maximise r with normal @ p + r <= offset for every plane.
     rows = np.hstack([planes[:, :3], np.ones((len(planes), 1))])

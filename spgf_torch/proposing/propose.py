@@ -151,10 +151,13 @@ class Proposer:
 
         No hand touches an obstacle or reaches below a table; none comes from below, if others can.
         """
+        return self.propose_from(self.described(texlets), texlets.positions.to(self.model.centres.device), around)
+
+    def described(self, texlets: Texlets) -> LocalFeatures:
+        """The features of the texlets, on the model's device."""
         device = self.model.centres.device
         positions, normals = texlets.positions.to(device), texlets.normals.to(device)
-        features = descriptor(self.features)(positions, normals, self.features, torch.Generator().manual_seed(0))
-        return self.propose_from(features, positions, around)
+        return descriptor(self.features)(positions, normals, self.features, torch.Generator().manual_seed(0))
 
     def propose_from(self, features: LocalFeatures, points: Tensor, around: Surroundings = NOTHING) -> Proposals:
         """The same from features of the points (N, 3) that the hand must not touch."""
@@ -229,7 +232,7 @@ class Proposer:
         judged = self.judged(votes, pool.grasp_type, self.affordance)  # the score that calibration was learned for
         probability = self.model.calibration.probability(judged.log_odds, judged.grasp_type, judged.collides)
         supported = (judged.votes > 0).nonzero()[:, 0]
-        voted_by = _votes_by_prototype(votes, len(pool.score))
+        voted_by = votes_by_prototype(votes, len(pool.score))
         return Proposals(
             pool.T[supported].float(),
             pool.grasp_type[supported],
@@ -271,7 +274,8 @@ def propose(
     return Proposer.of(model, config, volumes).propose(texlets, around)
 
 
-def _votes_by_prototype(votes: Votes, grasps: int) -> list[tuple[tuple[int, int], ...]]:
+def votes_by_prototype(votes: Votes, grasps: int) -> list[tuple[tuple[int, int], ...]]:
+    """Of each of so many grasps (prototype, votes), most votes first."""
     counted: list[Counter[int]] = [Counter() for _ in range(grasps)]
     for grasp, prototype in zip(votes.grasp.tolist(), votes.prototype.tolist(), strict=True):
         counted[grasp][prototype] += 1

@@ -26,6 +26,7 @@ from spgf_torch.scene.surfaces import stride_of, surfaces
 from spgf_torch.scene.viewpoint import ahead_of, check_side, with_viewpoint
 from spgf_torch.scene.views import View, files_of, read_views
 from spgf_torch.sensing.texlets import Texlets, thin
+from spgf_torch.sensing.unseen import DepthView
 
 # Points further apart than this much of the texlets' spacing leave many a texlet with one point, which then must do.
 _SPARSE = 0.85
@@ -163,7 +164,8 @@ def _scene_of_views(
     table = table_of(clouds, config, generator, gravity, notes)
     targets, obstacles = _apart(clouds, table, config)
     notes += size_notes(targets, views, config, table is not None)
-    around = _Around(obstacles, table, gravity, viewpoints_of(clouds))
+    images = tuple(DepthView.of(view.depth, view.camera) for view in views)
+    around = _Around(obstacles, table, gravity, viewpoints_of(clouds), images)
     why = why_no_grasp(targets, targets, table, config)
     scene = _thinned(targets, around, notes, config, sensing, generator, why)
     return _with_lost(scene, _named([view.labels for view in views]))
@@ -199,7 +201,7 @@ def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, gene
         return _thinned(
             targets, around, notes, config, sensing, generator, why_no_grasp(targets, targets, table, config)
         )
-    texlets, viewpoints = sensed(path, config, sensing, generator)
+    texlets, viewpoints, images = sensed(path, config, sensing, generator)
     points, normals = texlets.positions.double().numpy(), texlets.normals.double().numpy()
     if not len(points):
         raise InputError(f"{path}: expected a mesh that the cameras see, got no texlet")
@@ -211,7 +213,7 @@ def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, gene
     kept = targets[0]
     assert kept.normals is not None
     parts = {1: Texlets(torch.from_numpy(kept.points).float(), torch.from_numpy(kept.normals).float())}
-    around = _Around(obstacles, table, gravity, viewpoints)
+    around = _Around(obstacles, table, gravity, viewpoints, images)
     return _scene(parts, around, notes, sensing, why_no_grasp(targets, targets, table, config))
 
 
@@ -235,6 +237,7 @@ class _Around:
     table: np.ndarray | None
     gravity: Gravity | None
     viewpoints: np.ndarray | None
+    views: tuple[DepthView, ...] | None = None
 
 
 def _thinned(
@@ -276,9 +279,8 @@ def _scene(
     solid = torch.from_numpy(around.obstacles).float()
     if len(solid):
         notes.append(f"obstacles: {len(solid)} points of what is no target")
-    return Scene(
-        texlets, labels, solid, around.table, around.gravity, around.viewpoints, sensing.spacing, tuple(notes), no_grasp
-    )
+    known = (around.table, around.gravity, around.viewpoints)
+    return Scene(texlets, labels, solid, *known, sensing.spacing, tuple(notes), no_grasp, around.views)
 
 
 def _check_near(clouds: Sequence[Cloud]) -> None:

@@ -17,8 +17,9 @@ from spgf_torch.scene.files import read_clouds
 from spgf_torch.scene.one_view import seen_from
 from spgf_torch.scene.selection import check_extent
 from spgf_torch.sensing.cameras import surround
-from spgf_torch.sensing.sense import observe
+from spgf_torch.sensing.sense import observe_views
 from spgf_torch.sensing.texlets import Texlets
+from spgf_torch.sensing.unseen import DepthView
 
 # m; a mesh whose reach is less in some unit is not likely to be of that unit.
 _SMALL = 0.01
@@ -83,11 +84,11 @@ def sampled(path: Path, config: SceneConfig, generator: np.random.Generator) -> 
 
 def sensed(
     path: Path, config: SceneConfig, sensing: SensingConfig, generator: np.random.Generator
-) -> tuple[Texlets, np.ndarray]:
+) -> tuple[Texlets, np.ndarray, tuple[DepthView, ...]]:
     """What the simulated cameras around a mesh see of it, as in training.
 
     Returns:
-        the texlets and the viewpoints (V, 3), m, both in the mesh's frame.
+        the texlets, the viewpoints (V, 3), m, and the cameras' images, all in the mesh's frame.
 
     Raises:
         InputError: an unreadable file, no faces, vertices that are not finite, an unlikely extent, a mesh that reaches
@@ -103,7 +104,8 @@ def sensed(
             f"got {reach:.4g} m with unit={config.unit}; {hint}mesh=whole, or as=cloud if it is a camera's"
         )
     cameras = surround(sensing, mesh.bounds.mean(axis=0))
-    return observe(mesh, cameras, sensing, generator), np.array([c.T_object_camera[:3, 3] for c in cameras])
+    texlets, views = observe_views(mesh, cameras, sensing, generator)
+    return texlets, np.array([c.T_object_camera[:3, 3] for c in cameras]), views
 
 
 def _load(path: Path, config: SceneConfig) -> trimesh.Trimesh:

@@ -21,6 +21,7 @@ import torch
 from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
 from spgf_torch.scene.gravity import Gravity
 from spgf_torch.sensing.texlets import Texlets
+from spgf_torch.sensing.unseen import DepthView
 
 # Draws the order of texlets and the planes that are tried, where no generator is given.
 _SEED = 0
@@ -39,6 +40,7 @@ class Scene:
         viewpoints: (V, 3) float64, m, from where it was seen; None where not known.
         spacing: m between texlets, which a model's must equal.
         notes: what was assumed, left out or looks wrong ("warning: ..."), a line each.
+        views: the whole depth images with their cameras, which tell unseen space; None where there are none.
         no_grasp: why there can be none, such as points on a line; None: there may be some.
     """
 
@@ -51,6 +53,7 @@ class Scene:
     spacing: float
     notes: tuple[str, ...]
     no_grasp: str | None = None
+    views: tuple[DepthView, ...] | None = None
 
     @property
     def targets(self) -> tuple[int, ...]:

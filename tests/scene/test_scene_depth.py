@@ -21,6 +21,7 @@ from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, cast, look_at
 from spgf_torch.sensing.texlets import extract
+from spgf_torch.sensing.unseen import behind
 
 SENSING = settings(SensingConfig)
 K = np.array([[280.0, 0, 49.5], [0, 290.0, 39.5], [0, 0, 1]])
@@ -88,6 +89,9 @@ def test_a_turned_camera_by_hand(tmp_path: Path) -> None:
     np.testing.assert_allclose([y.max(), y.min()], [2 - 0.5 * 5.5 / 280, 2 - 0.5 * 9.5 / 280], atol=1e-5)
     np.testing.assert_allclose([z.max(), z.min()], [3 + 0.5 * 39.5 / 290, 3 - 0.5 * 39.5 / 290], atol=1e-5)
     np.testing.assert_array_equal(scene.viewpoints, [[1, 2, 3]])
+    assert scene.views is not None  # of the whole image, whatever the mask
+    places = torch.tensor([[1.6, y.min(), 3], [1.4, y.min(), 3], [1.5, 2.4, 3]])
+    np.testing.assert_allclose(behind(places, scene.views), [0.1, -0.1, np.inf], atol=1e-5)
 
 
 def test_without_a_pose_the_frame_is_the_camera(images: list[tuple[np.ndarray, Camera]], tmp_path: Path) -> None:

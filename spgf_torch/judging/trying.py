@@ -1,0 +1,48 @@
+"""Trials that are kept as soon as they have ended: the same call, cut off by whatever, runs only what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from torch import Tensor
+
+from spgf_torch.cache import Cache, fingerprint
+from spgf_torch.config import plain
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.trials.runner import Trials, execute, versions
+
+# Of entries of the cache.
+KIND = "outcomes"
+# Object, grasp type, T_object_tcp (M, 4, 4).
+Request = tuple[GraspObject, str, Tensor]
+
+
+def tried(
+    requests: Sequence[Request],
+    trials: Trials,
+    workers: int,
+    cache: Cache,
+    progress: Callable[[int], None] = lambda done: None,
+) -> list[Tensor]:
+    """For each request the outcomes (M,) int64, codes into `trials.table.OUTCOMES`; `workers` as for `execute`.
+
+    The outcomes of a request are kept in `cache` when they are known. Raises RuntimeError where a trial has none.
+    """
+    common = (trials.hand.digest, plain(trials.episode), versions())
+    keys = [fingerprint(obj.digest, kind, T, *common) for obj, kind, T in requests]
+
+    def again(request: Request) -> dict[str, Tensor]:
+        """Of one whose entry is damaged."""
+        return {"outcome": next(execute([request], trials, workers))}
+
+    found: dict[str, Tensor] = {}
+    for key, request in zip(keys, requests, strict=True):
+        if cache.holds(KIND, key):
+            found[key] = cache.tensors(KIND, key, partial(again, request))["outcome"]
+            progress(len(request[2]))
+    missing = [(key, request) for key, request in zip(keys, requests, strict=True) if key not in found]
+    outcomes = execute([request for _, request in missing], trials, workers, lambda _, done: progress(done))
+    for (key, _), codes in zip(missing, outcomes, strict=True):
+        found[key] = cache.tensors(KIND, key, partial(dict, outcome=codes))["outcome"]
+    return [found[key] for key in keys]

@@ -1,0 +1,137 @@
+"""How far a judge can be trusted, on objects that it had not seen: by its own best grasps, and by cross-validation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from rich import box
+from rich.table import Table
+from torch import Tensor
+
+from spgf_torch.config import JudgeConfig
+from spgf_torch.evaluation.reliability import brier, reliability
+from spgf_torch.judging.learning import judge_of, learn_judge
+from spgf_torch.judging.rows import PICKED, SAMPLED, Bench, Rows
+from spgf_torch.proposing.judge import KNOWN
+
+
+def executed(rows: Rows, benches: Sequence[Bench], config: JudgeConfig) -> dict[str, dict[str, Any]]:
+    """Of the last round's best hypotheses in each kind of cloud: rates as means over objects, each with its interval.
+
+    A hypothesis that a cloud lacks to `config.best` counts as a failure.
+    """
+    last = rows.at(rows.home & (rows.round == config.rounds))
+    found = {}
+    for name, clouds in kinds(benches).items():
+        of_kind = last.at(_in(last, clouds))
+        best = of_kind.at(of_kind.rank >= 0)
+        if not len(best):
+            continue
+        chance = of_kind.at(of_kind.rank == PICKED)
+        top = _by_object(best, clouds, config.best)
+        first = _by_object(best.at(best.rank == 0), clouds, 1)
+        said, held = best.probability.double().numpy(), best.success.numpy()
+        found[name] = {
+            "clouds": sum(map(len, clouds.values())),
+            "objects": len(clouds),
+            f"top{config.best}": float(top.mean()),
+            f"top{config.best}_interval95": _interval(top, config),
+            "top1": float(first.mean()),
+            "top1_interval95": _interval(first, config),
+            "random": float(chance.success.double().mean()) if len(chance) else 0.0,
+            "collided": float((~best.free).double().mean()),
+            "predicted": float(said.mean()),
+            "ece": reliability(said, held).ece,
+            "brier": brier(said, held),
+        }
+    return found
+
+
+def kinds(benches: Sequence[Bench]) -> dict[str, dict[int, list[int]]]:
+    """Kind of cloud, such as "1 view, on a table" -> object -> which of its clouds."""
+    found: dict[str, dict[int, list[int]]] = {}
+    for bench in benches:
+        for number, cloud in enumerate(bench.clouds):
+            views = f"{cloud.views} view{'s' * (cloud.views > 1)}"
+            name = f"{views}, {'on a table' if cloud.on_table else 'alone'}"
+            found.setdefault(name, {}).setdefault(bench.index, []).append(number)
+    return dict(sorted(found.items()))
+
+
+def cross_validated(rows: Rows, benches: Sequence[Bench], fold: np.ndarray, config: JudgeConfig) -> dict[str, Any]:
+    """AUC, Brier score and ECE over all hypotheses that were tried, by judges that had not seen their object.
+
+    Of each kind of cloud; with images and, of the same clouds, without.
+    """
+    folds = torch.from_numpy(fold)[rows.obj]
+    said = {known: torch.zeros(len(rows), dtype=torch.float64) for known in KNOWN}
+    for held_out in range(config.folds):
+        taught, asked = rows.at(folds != held_out), folds == held_out
+        if not len(taught) or not asked.any():
+            continue
+        judge = judge_of(learn_judge(taught, config), [], config)
+        for known in KNOWN:
+            said[known][asked] = judge.probability(rows.numbers[asked], known == "images").double()
+    found: dict[str, Any] = {}
+    for name, clouds in kinds(benches).items():
+        of_kind = rows.home & (rows.rank > SAMPLED) & _in(rows, clouds)
+        held = rows.success[of_kind].numpy()
+        for known, p in said.items():
+            p_kind = p[of_kind].numpy()
+            scores = {"auc": auc(p_kind, held), "brier": brier(p_kind, held), "ece": reliability(p_kind, held).ece}
+            found.setdefault(name, {})[known] = {"trials": len(held), **scores}
+    return found
+
+
+def auc(score: np.ndarray, success: np.ndarray) -> float:
+    """Area under the ROC curve: how often a success has the higher score of a pair; 0.5 where there are no pairs."""
+    held, failed = int(success.sum()), int((~success).sum())
+    if not held or not failed:
+        return 0.5
+    values, at = np.unique(score, return_inverse=True)
+    count = np.bincount(at, minlength=len(values))
+    rank = np.cumsum(count) - (count - 1) / 2  # of ties the mean, from 1
+    return float((rank[at][success].sum() - held * (held + 1) / 2) / (held * failed))
+
+
+def executed_table(results: dict[str, dict[str, Any]], best: int) -> Table:
+    """`executed` for people, in percent."""
+    table = Table(
+        title="Held in SAPIEN (%): hypotheses that judges chose who had not seen the object",
+        caption="(low-high): 95 % interval over objects. random: hypotheses picked at random.",
+        box=box.SIMPLE_HEAD,
+    )
+    table.add_column("")
+    for heading in (f"top {best}", "top 1", "random", "collided", "predicted", "ECE", "Brier"):
+        table.add_column(heading, justify="right")
+    for name, row in results.items():
+        rates = [
+            f"{100 * row[key]:.1f} ({100 * row[f'{key}_interval95'][0]:.0f}-{100 * row[f'{key}_interval95'][1]:.0f})"
+            for key in (f"top{best}", "top1")
+        ]
+        shares = [f"{100 * row[key]:.1f}" for key in ("random", "collided", "predicted")]
+        table.add_row(name, *rates, *shares, f"{row['ece']:.3f}", f"{row['brier']:.3f}")
+    return table
+
+
+def _in(rows: Rows, clouds: dict[int, list[int]]) -> Tensor:
+    """(R,) bool: rows of these clouds of these objects."""
+    inside = torch.zeros(len(rows), dtype=torch.bool)
+    for obj, numbers in clouds.items():
+        inside |= (rows.obj == obj) & torch.isin(rows.cloud, torch.tensor(numbers))
+    return inside
+
+
+def _by_object(rows: Rows, clouds: dict[int, list[int]], count: int) -> np.ndarray:
+    """(objects,) share of successes among `count` grasps of each of its clouds."""
+    held = torch.bincount(rows.obj[rows.success], minlength=max(clouds) + 1)
+    return np.array([float(held[obj]) / (count * len(numbers)) for obj, numbers in clouds.items()])
+
+
+def _interval(rates: np.ndarray, config: JudgeConfig) -> list[float]:
+    """95 % percentile interval of the mean over objects drawn with replacement."""
+    drawn = np.random.default_rng(config.seed).choice(rates, size=(config.bootstrap, len(rates)))
+    return np.quantile(drawn.mean(axis=1), (0.025, 0.975)).tolist()

@@ -1,0 +1,237 @@
+"""Grasp hypotheses from sensed geometry alone: the open hand pushed onto a surface as deep as it stays free.
+
+1. Seeds spread over the surface; a frame of each from the normals around it: the mean normal, and the tangent along
+   which the surface bends least.
+2. Hands that close along either tangent, their approach against the normal and turned about the closing axis; and hands
+   that close along the normal, as on a rim, their approach along either tangent.
+3. Each in three lateral places: what is seen between the pads in the middle, or its face close to either pad, since
+   with one view the far side of a thing may lie further than what is seen of it.
+4. Of each the deepest place where the hand is free, and one a little further back.
+
+After GPG (ten Pas and Platt 2017), with the hand's own geometry. Everything looks at relative poses alone, so
+hypotheses move with their input.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from spgf_torch.config import HypothesesConfig
+from spgf_torch.geometry import se3
+from spgf_torch.proposing.clearance import Clearance, Surroundings
+from spgf_torch.proposing.hand_geometry import ClosingRegion, HandGeometry, hand_geometry
+from spgf_torch.proposing.spreading import spread_order
+from spgf_torch.sensing.texlets import Texlets
+
+# Angles between -tilt and tilt at which an approach is tried, of hands that close along a tangent and along the normal.
+_TANGENT_TILTS, _NORMAL_TILTS = 5, 3
+# Of the tilt of the former, that of the latter.
+_RIM = 0.75
+# Pairs of a frame and a point looked at together: bounds the memory.
+_PAIRS = 1 << 19
+# How far beyond the pads something seen still counts as what they would close on, in half openings.
+_BEYOND = 1.5
+# m; side of the cells of obstacles that discard most colliding hypotheses cheaply.
+_SPARSE = 0.008
+PLACES = 3
+
+
+@dataclass(frozen=True)
+class Hypotheses:
+    """Poses of the open hand, free of all that is known: T (H, 4, 4) f32, grasp_type (H,) int64."""
+
+    T: Tensor
+    grasp_type: Tensor
+
+    def __len__(self) -> int:
+        return len(self.grasp_type)
+
+    def at(self, chosen: Tensor) -> Hypotheses:
+        """Those at the indices (C,) int64 or of the mask (H,) bool."""
+        return Hypotheses(self.T[chosen], self.grasp_type[chosen])
+
+
+@dataclass(frozen=True)
+class Search:
+    """The search for hypotheses with one hand.
+
+    Attributes:
+        hands: the geometry of each grasp type. clearance: what the hand may not touch.
+    """
+
+    clearance: Clearance
+    config: HypothesesConfig
+    hands: tuple[HandGeometry, ...]
+
+    @staticmethod
+    def of(clearance: Clearance, config: HypothesesConfig) -> Search:
+        return Search(clearance, config, hand_geometry(clearance.volumes, config))
+
+    def hypotheses(self, texlets: Texlets, around: Surroundings) -> Hypotheses:
+        """Free poses about the texlets, at most `config.hypotheses`; from below only where there are no others."""
+        positions, normals = texlets.positions.float().cpu(), texlets.normals.float().cpu()
+        around = around.near(positions, self.clearance.reach)
+        T = frames(positions, normals, self.config)
+        found = self._found(T, positions, around)
+        if not len(found) and around.up is not None:
+            found = self._found(T, positions, replace(around, up=None))
+        if len(found) > self.config.hypotheses:
+            picked = torch.randperm(len(found), generator=torch.Generator().manual_seed(0))
+            found = found.at(picked[: self.config.hypotheses].sort().values)
+        return found
+
+    def free(self, T: Tensor, grasp_type: Tensor, positions: Tensor, around: Surroundings) -> Tensor:
+        """(G,) bool: the open hand touches no point (N, 3), no obstacle, no table, and does not come from below."""
+        free = ~around.from_below(T)
+        if around.table is not None:
+            free &= self.clearance.free_of_plane(around.table, T, grasp_type, around.retreat)
+        few = positions[:: max(1, len(positions) // self.config.coarse_points)]
+        for points, test in (
+            (few, self.clearance.free_of_points),
+            (around.sparse(_SPARSE), self.clearance.free_of_obstacles),
+            (positions, self.clearance.free_of_points),
+            (around.obstacles, self.clearance.free_of_obstacles),
+        ):
+            left = free.nonzero()[:, 0]
+            free[left] = test(points, T[left], grasp_type[left])
+        return free
+
+    def closes(self, T: Tensor, grasp_type: Tensor, positions: Tensor) -> Tensor:
+        """(G,) bool: enough of the points (N, 3) lie between the pads."""
+        enough = torch.zeros(len(T), dtype=torch.bool)
+        for code, hand in enumerate(self.hands):
+            for part in parts((grasp_type == code).nonzero()[:, 0], len(positions)):
+                count = hand.region.holds(*local(T[part], positions).unbind(1)).sum(1)
+                enough[part] = count >= self.config.closing_points
+        return enough
+
+    def _found(self, T: Tensor, positions: Tensor, around: Surroundings) -> Hypotheses:
+        found = [self._of_type(code, T, positions, around) for code in range(len(self.hands))]
+        counts = torch.tensor([len(poses) for poses in found])
+        return Hypotheses(torch.cat(found), torch.arange(len(found)).repeat_interleave(counts))
+
+    def _of_type(self, code: int, T: Tensor, positions: Tensor, around: Surroundings) -> Tensor:
+        """Poses (H, 4, 4) of one grasp type, sorted by frame, place and depth."""
+        depths = torch.arange(self.config.deepest, self.config.shallowest - 1e-6, -self.config.depth_step)
+        shift, possible = places(*profile(T, positions, depths, self.hands[code].region), self.hands[code], self.config)
+        kept = torch.zeros_like(possible)  # (F, D, places)
+        first = torch.full((len(T), PLACES), len(depths))
+        for k in range(len(depths)):
+            frame, place = (possible[:, k] & (first > k)).nonzero(as_tuple=True)
+            free = self._free_at(code, moved(T[frame], depths[k], shift[frame, k, place]), positions, around)
+            first[frame[free], place[free]] = k
+        for step in (0, self.config.back):
+            frame, place = (first + step < len(depths)).nonzero(as_tuple=True)
+            at = first[frame, place] + step
+            may = possible[frame, at, place]
+            frame, place, at = frame[may], place[may], at[may]
+            if step:
+                poses = moved(T[frame], depths[at], shift[frame, at, place])
+                free = self._free_at(code, poses, positions, around)
+                frame, place, at = frame[free], place[free], at[free]
+            kept[frame, at, place] = True
+        frame, at, place = kept.nonzero(as_tuple=True)
+        return moved(T[frame], depths[at], shift[frame, at, place])
+
+    def _free_at(self, code: int, T: Tensor, positions: Tensor, around: Surroundings) -> Tensor:
+        return self.free(T, torch.full((len(T),), code), positions, around)
+
+
+def frames(positions: Tensor, normals: Tensor, config: HypothesesConfig) -> Tensor:
+    """T (F, 4, 4) f32 at the seeds: x along closing, z along the approach; none where the normals give no frame."""
+    seeds = se3.pose(positions.double(), torch.tensor([1.0, 0, 0, 0]).double().expand(len(positions), 4)).clone()
+    seeds[:, :3, 2] = normals
+    at = spread_order(seeds, config.seeds, config.normal_weight)
+    near = (
+        torch.cdist(positions[at], positions, compute_mode="donot_use_mm_for_euclid_dist") < config.normal_radius
+    ).double()
+    n = normals.double()
+    bend = (near @ (n[:, :, None] * n[:, None, :]).flatten(1)).view(-1, 3, 3)
+    normal = torch.nn.functional.normalize(near @ n, dim=1)
+    axis = torch.linalg.eigh(bend).eigenvectors[:, :, 0]
+    axis = axis - (axis * normal).sum(1, keepdim=True) * normal
+    length = axis.norm(dim=1)
+    good = (length > 1e-6) & (normal.norm(dim=1) > 0.5)
+    at, normal, axis = at[good], normal[good], axis[good] / length[good, None]
+    inward = ((positions.double().mean(0) - positions[at].double()) * axis).sum(1, keepdim=True)
+    axis = torch.where(inward < 0, -axis, axis)  # an eigenvector has no sign of its own
+    x, z = _axes(normal, axis, math.radians(config.tilt_deg))
+    T = torch.eye(4).repeat(len(x), 1, 1)
+    T[:, :3, :3] = torch.stack([x, torch.linalg.cross(z, x), z], dim=2).float()
+    T[:, :3, 3] = positions[at].repeat(len(x) // max(1, len(at)), 1)
+    return T
+
+
+def _axes(normal: Tensor, axis: Tensor, tilt: float) -> tuple[Tensor, Tensor]:
+    """Closing and approach axes (F, 3) of every hand tried about seeds of these normals and tangents (S, 3)."""
+    other = torch.linalg.cross(normal, axis)
+    x, z = [], []
+    for closing in (axis, other):
+        for angle in torch.linspace(-tilt, tilt, _TANGENT_TILTS).double():
+            x.append(closing)
+            z.append(angle.cos() * -normal + angle.sin() * torch.linalg.cross(-normal, closing))
+    for tangent in (axis, other):
+        for sign in (1, -1):
+            for angle in torch.linspace(-_RIM * tilt, _RIM * tilt, _NORMAL_TILTS).double():
+                x.append(normal)
+                z.append(sign * (angle.cos() * tangent + angle.sin() * torch.linalg.cross(tangent, normal)))
+    return torch.cat(x), torch.cat(z)
+
+
+def profile(T: Tensor, positions: Tensor, depths: Tensor, region: ClosingRegion) -> tuple[Tensor, Tensor, Tensor]:
+    """What is seen between the pads, and a little beyond them, of hands at T (F, 4, 4) pushed forward by depths (D,).
+
+    Returns:
+        lowest and highest x (F, D) f32, m along closing from the hand's middle (infinite of nothing); how many points
+        (F, D) int64.
+    """
+    low = torch.full((len(T), len(depths)), torch.inf)
+    high = torch.full_like(low, -torch.inf)
+    count = torch.zeros(low.shape, dtype=torch.int64)
+    for part in parts(torch.arange(len(T)), len(positions)):
+        x, y, z = local(T[part], positions).unbind(1)
+        frame, point = ((y.abs() < region.height) & (x.abs() < _BEYOND * region.half)).nonzero(as_tuple=True)
+        x, z, frame = x[frame, point], z[frame, point], part[frame]
+        for k, depth in enumerate(depths.tolist()):
+            on = (z > region.low + depth) & (z < region.high + depth)
+            low[:, k].scatter_reduce_(0, frame[on], x[on], "amin")
+            high[:, k].scatter_reduce_(0, frame[on], x[on], "amax")
+            count[:, k].scatter_add_(0, frame[on], torch.ones_like(frame[on]))
+    return low, high, count
+
+
+def places(
+    low: Tensor, high: Tensor, count: Tensor, hand: HandGeometry, config: HypothesesConfig
+) -> tuple[Tensor, Tensor]:
+    """Lateral shifts (F, D, 3) of a hand, m, and whether what was seen (`profile`) then lies between its pads.
+
+    Places: what was seen in the middle; its highest face near the pad at +x; its lowest near the pad at -x.
+    """
+    half, gap = hand.region.half, config.face_gap
+    shift = torch.stack([(low + high) / 2, high - half + gap, low + half - gap], dim=2)
+    room = torch.tensor([0.0, gap, gap]) + config.play
+    fits = (high - low).unsqueeze(2) <= 2 * (half - room)
+    return shift.nan_to_num(0.0), fits & (count >= config.closing_points).unsqueeze(2)
+
+
+def moved(T: Tensor, depth: Tensor, shift: Tensor) -> Tensor:
+    """Poses (G, 4, 4) moved by `depth` (m, one or (G,)) along their approach and by shift (G,) along closing."""
+    at = T.clone()
+    at[:, :3, 3] += depth.reshape(-1, 1) * T[:, :3, 2] + shift.unsqueeze(1) * T[:, :3, 0]
+    return at
+
+
+def local(T: Tensor, positions: Tensor) -> Tensor:
+    """(G, 3, N) f32: points (N, 3) in the TCP frames of poses (G, 4, 4)."""
+    back = T[:, :3, :3].mT.contiguous()
+    return (back.view(-1, 3) @ positions.T).view(len(T), 3, len(positions)) - back @ T[:, :3, 3:]
+
+
+def parts(indices: Tensor, points: int) -> Iterator[Tensor]:
+    """The indices (G,) in parts that are small enough to be looked at with so many points together."""
+    yield from indices.split(max(1, _PAIRS // max(1, points))) if len(indices) else ()

@@ -1,0 +1,162 @@
+"""A judge of hypotheses: the probability that an executed grasp holds, as P(free) x P(holds | free).
+
+Each factor is boosted trees, or a logistic regression, on the numbers of `judge_features`. A judge has a second pair of
+factors for clouds without images, in which unseen space is not known. `judge.safetensors` holds the arrays and
+`judge.json` the hand, the settings and how it did on objects that it had not seen; neither can run code when read, and
+each carries its digest.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError
+from safetensors.torch import load, save
+from torch import Tensor
+
+from spgf_torch.config import HandConfig, HypothesesConfig, InputError, typed
+from spgf_torch.proposing.judge_features import GEOMETRY, NAMES
+from spgf_torch.proposing.trees import FORMS, Form
+from spgf_torch.reading import existing, json_values, unreadable
+from spgf_torch.sealing import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
+from spgf_torch.writing import write_bytes
+
+FORMAT = "spgf_torch judge"
+SCHEMA = 1
+DIGEST = "tensors_sha256"  # key in judge.json: SHA-256 of judge.safetensors
+LARGEST = 16_000_000  # bytes of judge.safetensors; a judge of today's settings has a third of a million
+ARRAYS, ABOUT = "judge.safetensors", "judge.json"
+# What a judge knows: with images all numbers, without them those of geometry alone.
+KNOWN: Mapping[str, tuple[str, ...]] = {"images": NAMES, "bare": GEOMETRY}
+FACTORS = ("free", "holds")
+_SETTINGS: dict[str, type] = {"hand": HandConfig, "hypotheses": HypothesesConfig}
+
+
+@dataclass(frozen=True)
+class Judge:
+    """What was learned for one hand.
+
+    Attributes:
+        factors: (what is known, factor) -> its form: keys of `KNOWN` and `FACTORS`.
+        settings: hand and hypotheses, as plain values; they belong to what was learned.
+        sure: probability below which a grasp is not to be relied on.
+        taught: object name -> digest, of what it learned from. results: how it did on held-out objects.
+    """
+
+    factors: Mapping[tuple[str, str], Form]
+    settings: Mapping[str, Any]
+    sure: float
+    taught: Mapping[str, str] = field(default_factory=dict)
+    results: Mapping[str, Any] = field(default_factory=dict)
+
+    def probability(self, numbers: Tensor, images: bool) -> Tensor:
+        """(G,) f32 that grasps hold, from their numbers (G, 31); `images`: whether unseen space is known."""
+        free, holds = self.both(numbers, images)
+        return (free * holds).float()
+
+    def both(self, numbers: Tensor, images: bool) -> tuple[Tensor, Tensor]:
+        """(G,) f64 each: P(free), P(holds | free)."""
+        known = "images" if images else "bare"
+        given = numbers[:, : len(KNOWN[known])]
+        free, holds = (self.factors[known, factor].log_odds(given).sigmoid() for factor in FACTORS)
+        return free, holds
+
+    @property
+    def hypotheses(self) -> HypothesesConfig:
+        """The settings that its numbers were made with."""
+        return typed(HypothesesConfig, self.settings["hypotheses"])
+
+    def check_hand(self, hand: Any, whose: str) -> None:
+        """InputError where another hand (its plain settings) is asked about."""
+        if self.settings["hand"] != hand:
+            got, name = (values.get("name") for values in (self.settings["hand"], hand or {}))
+            other = " of other settings" if got == name else ""
+            raise InputError(
+                f"judge: expected one of {whose} ({name}), got one of {got}{other}; learn one: "
+                f"python -m spgf_torch.judge hand={name}"
+            )
+
+
+def save_judge(judge: Judge, folder: Path) -> int:
+    """Write `judge.safetensors`, then `judge.json`; returns the bytes of the former."""
+    tensors, forms = {}, {}
+    for (known, factor), form in judge.factors.items():
+        forms[f"{known}.{factor}"] = next(name for name, kind in FORMS.items() if isinstance(form, kind))
+        for part in fields(form):
+            tensors[f"{known}.{factor}.{part.name}"] = getattr(form, part.name).contiguous()
+    content = sealed(save(tensors, {KEY: BLANK.decode()}))
+    write_bytes(folder / ARRAYS, content)
+    document = {
+        "format": FORMAT,
+        "schema": SCHEMA,
+        "numbers": list(NAMES),
+        "forms": forms,
+        "sure": judge.sure,
+        "settings": dict(judge.settings),
+        "taught": dict(judge.taught),
+        "results": dict(judge.results),
+        DIGEST: hashlib.sha256(content).hexdigest(),
+    }
+    write_bytes(folder / ABOUT, sealed_json(document, indent=1, sort_keys=True))
+    return len(content)
+
+
+def load_judge(folder: Path) -> Judge:
+    """The judge in a folder. Raises InputError in one line if it is missing, damaged, edited or not ours."""
+    document = _document(folder / ABOUT)
+    path = folder / ARRAYS
+    tensors = _tensors(path, document[DIGEST])
+    factors = {}
+    for known, numbers in KNOWN.items():
+        for factor in FACTORS:
+            name = f"{known}.{factor}"
+            kind = FORMS[document["forms"][name]]
+            try:
+                form: Form = kind(**{part.name: tensors[f"{name}.{part.name}"] for part in fields(kind)})
+                form.check(len(numbers))
+            except (KeyError, InputError, RuntimeError, IndexError) as error:
+                raise InputError(f"{path}: {name}: expected the arrays of a judge, got others ({error})") from None
+            factors[known, factor] = form
+    about = (document[key] for key in ("settings", "sure", "taught", "results"))
+    return Judge(factors, *about)
+
+
+def _tensors(path: Path, digest: str) -> dict[str, Tensor]:
+    if (size := existing(path).stat().st_size) > LARGEST:
+        raise InputError(f"{path}: expected the arrays of a judge of at most {LARGEST} bytes, got {size}")
+    check_seal(path, "the arrays of a judge")
+    if digest != digest_of(path):
+        raise InputError(f"{path}: expected the arrays that {ABOUT} beside it was written with, got others")
+    try:
+        return load(path.read_bytes())
+    except (SafetensorError, OSError, ValueError, KeyError) as error:
+        raise unreadable(path, "a safetensors file", error) from None
+
+
+def _document(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise InputError(
+            f"{path}: expected a judge that python -m spgf_torch.judge left (judge=FOLDER), found no such file"
+        )
+    document = json_values(path, "a judge's JSON", sealed=True)
+    found = (document.get("format"), document.get("schema")) if isinstance(document, dict) else type(document).__name__
+    if found != (FORMAT, SCHEMA):
+        raise InputError(f"{path}: expected format {FORMAT!r}, schema {SCHEMA}; got {found}")
+    if document.get("numbers") != list(NAMES):
+        raise InputError(f"{path}: expected a judge of this version's {len(NAMES)} numbers, got one of others")
+    forms, wanted = document.get("forms"), {f"{known}.{factor}" for known in KNOWN for factor in FACTORS}
+    if not isinstance(forms, dict) or set(forms) != wanted or not set(forms.values()) <= set(FORMS):
+        raise InputError(f"{path}: expected forms of {', '.join(sorted(wanted))}; got {forms}")
+    for key, kind in (("sure", float), ("settings", dict), ("taught", dict), ("results", dict), (DIGEST, str)):
+        if not isinstance(document.get(key), kind):
+            raise InputError(f"{path}: expected {key}, got {document.get(key)!r}")
+    for key, room in _SETTINGS.items():
+        try:
+            typed(room, document["settings"].get(key, {}))
+        except InputError as error:
+            raise InputError(f"{path}: settings.{key}: {error}") from None
+    return document

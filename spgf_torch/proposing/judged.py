@@ -1,0 +1,76 @@
+"""From what is seen to ranked grasps by a judge: hypotheses from geometry, each weighed, the best of each place kept.
+
+The votes of local shapes (`propose`) take no part in the ranking; they are told beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from spgf_torch.config import ProposingConfig
+from spgf_torch.proposing.clearance import Surroundings
+from spgf_torch.proposing.hypotheses import Hypotheses, Search
+from spgf_torch.proposing.judge import Judge
+from spgf_torch.proposing.judge_features import Seen, in_images, judge_features
+from spgf_torch.proposing.propose import NOTHING, Pool, Proposals, Proposer, votes_by_prototype
+from spgf_torch.proposing.spreading import suppress
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """Grasps that a judge ranked, the best first: poses (G), probability (G,) f32 that they hold when executed."""
+
+    poses: Hypotheses
+    probability: Tensor
+
+
+@dataclass(frozen=True)
+class JudgedProposer:
+    """A judge made ready to propose grasps.
+
+    Attributes:
+        proposer: whose votes are told beside a grasp.
+    """
+
+    judge: Judge
+    search: Search
+    config: ProposingConfig
+    proposer: Proposer
+
+    @staticmethod
+    def of(judge: Judge, proposer: Proposer) -> JudgedProposer:
+        """With the clearances of the proposer; InputError where the judge is of another hand than its model."""
+        judge.check_hand(proposer.model.settings.get("hand"), "the model's hand")
+        return JudgedProposer(judge, Search.of(proposer.clearance, judge.hypotheses), proposer.config, proposer)
+
+    def propose(self, seen: Seen, around: Surroundings = NOTHING) -> Proposals:
+        """Grasps for what is seen, the most probable first, with the votes of local shapes on each."""
+        found = ranked(self.judge, self.search, self.config, seen, around)
+        proposer, device = self.proposer, self.proposer.model.centres.device
+        T, grasp_type = found.poses.T.to(device), found.poses.grasp_type.to(device)
+        votes = proposer.votes(T, grasp_type, proposer.voters(proposer.described(seen.texlets)))
+        score = found.probability.to(device)
+        support = torch.bincount(votes.grasp, minlength=len(T))
+        return Proposals(T, grasp_type, score, score, support, tuple(votes_by_prototype(votes, len(T))))
+
+
+def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, around: Surroundings) -> Ranked:
+    """The most probable grasps, no two of which are the same, at most `config.count` of each type."""
+    hypotheses = search.hypotheses(seen.texlets, around)
+    hypotheses = hypotheses.at(in_images(seen, hypotheses, search))
+    numbers = judge_features(seen, hypotheses, search)
+    probability = judge.probability(numbers, images=bool(seen.views))
+    return best_of(hypotheses, probability, config)
+
+
+def best_of(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig) -> Ranked:
+    """The highest scores (H,) f32, no two of the same grasp, at most `config.count` of each type."""
+    alike = torch.zeros_like(hypotheses.grasp_type)  # a wide and a narrow grasp of one place are one grasp
+    kept = suppress(hypotheses.T, alike, score, config.apart, config.apart_deg)
+    pool = Pool(hypotheses.T[kept], hypotheses.grasp_type[kept], score[kept])
+    pool = pool.at(pool.best_of_each_type(config.count))
+    pool = pool.at(torch.argsort(pool.score, descending=True, stable=True))
+    return Ranked(Hypotheses(pool.T, pool.grasp_type), pool.score)

@@ -1,0 +1,34 @@
+"""A judge of little worth, made in a moment: what it says follows from a few numbers, without trials."""
+
+from pathlib import Path
+from typing import Any
+
+import torch
+from omegaconf import OmegaConf
+
+from spgf_torch.config import HandConfig, HypothesesConfig, JudgeConfig, TreesConfig, find, plain, settings, typed
+from spgf_torch.judging.learning import learn_judge
+from spgf_torch.judging.rows import Rows
+from spgf_torch.proposing.judge import Judge, save_judge
+from spgf_torch.proposing.judge_features import NAMES
+
+
+def quick_judge(hand: str = "sdh2", **changes: Any) -> Judge:
+    """Taught that grasps hold whose pads face what they meet, and are free away from what is seen."""
+    numbers = torch.rand(400, len(NAMES), generator=torch.Generator().manual_seed(0))
+    outcome = torch.where(numbers[:, NAMES.index("anti_max")] > 0.4, 0, 2)
+    outcome[numbers[:, NAMES.index("worst_finger")] > 0.8] = 1
+    same = torch.zeros(400, dtype=torch.int64)
+    rows = Rows(numbers, outcome, same, same, same, same, same.bool(), same.float())
+    its = typed(HandConfig, OmegaConf.to_container(OmegaConf.load(find(f"conf/hand/{hand}.yaml"))))
+    config = JudgeConfig(form="trees", learning=settings(TreesConfig, trees=5, least=10))
+    hypotheses = settings(HypothesesConfig, seeds=8, hypotheses=200)
+    return Judge(
+        learn_judge(rows, config), {"hand": plain(its), "hypotheses": plain(hypotheses)}, **{"sure": 0.8, **changes}
+    )
+
+
+def saved(judge: Judge, folder: Path) -> Path:
+    folder.mkdir()
+    save_judge(judge, folder)
+    return folder

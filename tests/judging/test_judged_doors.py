@@ -1,0 +1,160 @@
+"""What `predict` and `evaluate` do with a judge, and what they refuse."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from doors import call
+from hydra import compose, initialize_config_dir
+from judges import quick_judge, saved
+from omegaconf import OmegaConf
+
+import spgf_torch
+from spgf_torch.config import EvaluateConfig, InputError, PredictConfig, SensingConfig, settings, typed
+from spgf_torch.evaluate import run as evaluate
+from spgf_torch.exporting.grasps_json import read_grasps
+from spgf_torch.predict import run as predict
+from spgf_torch.proposing.judged import JudgedProposer
+from spgf_torch.scene.scene import Scene
+from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
+
+ROOT = Path(__file__).parents[2]
+NAMES = ("bowl_sugar", "jar_jam", "tumbler", "soap_bar", "box_tea", "egg")
+SMALL = ["K=3", "folds=2", "bootstrap=100", "sensing.width=160", "sensing.height=120", "sensing.focal=144"]
+SMALL += ["affordance.features_per_object=40", "prototypes.restarts=1", "prototypes.subsample=1000", "inner_grasps=100"]
+
+
+def composed(command: str, *overrides: str) -> Any:
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        return OmegaConf.to_container(compose(command, overrides=list(overrides)), resolve=True)
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A working folder: a tiny model of the SDH-2, judges of two hands, a mesh, a depth image of it on a table."""
+    folder = tmp_path_factory.mktemp("judged")
+    for name in ("objects", "trials", "scans"):
+        (folder / name).mkdir()
+    for name in NAMES:
+        shutil.copy(ROOT / f"data/objects/{name}.yaml", folder / "objects")
+        shutil.copy(ROOT / f"data/trials/{name}.parquet", folder / "trials")
+    shutil.copy(ROOT / "data/trials/config.yaml", folder / "trials")
+    done = call("train", "objects=objects", "trials=trials", *SMALL, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    saved(quick_judge(), folder / "judge")
+    saved(quick_judge("panda"), folder / "panda")
+    saved(quick_judge(sure=1.0), folder / "doubting")
+    block = trimesh.creation.box((0.05, 0.06, 0.08)).subdivide().subdivide()
+    block.apply_translation((0, 0, 0.04))
+    block.export(folder / "scans/block.ply")
+    (folder / "scans/manifest.csv").write_text("name,file,class\nblock,block.ply,box\n")
+    depth, camera = image(block)
+    np.save(folder / "depth.npy", depth)
+    np.savetxt(folder / "K.txt", camera.K)
+    np.savetxt(folder / "pose.txt", camera.T_object_camera)
+    return folder
+
+
+def image(block: trimesh.Trimesh) -> tuple[np.ndarray, Camera]:
+    table = trimesh.creation.box((0.8, 0.8, 0.02))
+    table.apply_translation((0, 0, -0.01))
+    config = settings(SensingConfig)
+    camera = Camera(intrinsics(config), look_at(np.array([0.4, 0.1, 0.45]), np.array([0, 0, 0.04])), 320, 240)
+    return cast(trimesh.util.concatenate([block, table]), camera)[0], camera
+
+
+DEPTH = ["input=depth.npy", "intrinsics=K.txt", "poses=pose.txt", "table=find", "model=outputs/train/latest"]
+
+
+def test_predict_ranks_by_the_judge(place: Path) -> None:
+    done = call("predict", *DEPTH, "judge=judge", "N=5", cwd=place)
+    assert done.returncode == 0, done.stderr
+    assert "judge: " in done.stdout and "unseen space from 1 depth images" in done.stdout
+    run = place / "outputs/predict/latest"
+    grasps = read_grasps(run / "grasps.json")
+    said = [grasp.probability for grasp in grasps]
+    assert len(grasps) >= 5 and said == sorted(said, reverse=True) and (run / "index.html").is_file()
+    assert min(grasp.T_input_tcp[2, 3] for grasp in grasps) > 0.0  # above the table
+
+
+def test_a_bare_cloud_is_told_that_unseen_space_is_not_known(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.chdir(place)
+    block = trimesh.load_mesh("scans/block.ply")
+    points, faces = block.sample(6000, return_index=True, seed=0)
+    np.save("cloud.npy", np.hstack([points, block.face_normals[faces]]))
+    Path("bare").mkdir()
+    config = composed("predict", "input=cloud.npy", "model=outputs/train/latest", "judge=doubting", "N=3")
+    predict(typed(PredictConfig, config), Path("bare"))
+    told = capsys.readouterr().out
+    assert "without unseen space" in told and "nothing sure" in told
+
+
+def test_a_judge_in_python(place: Path) -> None:
+    """The grasps of the judge; a scene of depth images tells it more than its points alone."""
+    model = spgf_torch.load(place / "outputs/train/latest", judge=place / "judge")
+    depth, camera = image(trimesh.load_mesh(place / "scans/block.ply"))
+    scene = Scene.from_depth(depth, camera.K, camera.T_object_camera, table="find")
+    assert scene.views is not None and len(scene.views) == 1
+    grasps = model.predict(scene, top=5)
+    bare = model.predict(scene.texlets, top=5, plane=scene.table)
+    assert (
+        grasps
+        and bare
+        and any(
+            not np.allclose(a.T_input_tcp, b.T_input_tcp) or a.probability != b.probability
+            for a, b in zip(grasps, bare, strict=False)
+        )
+    )
+    assert isinstance(model.judged, JudgedProposer)
+    plain = spgf_torch.load(place / "outputs/train/latest")
+    assert plain.judged is None and plain.predict(scene.texlets, top=5) is not None
+
+
+def test_evaluate_executes_what_the_judge_ranks(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(place)
+    few = ["objects=scans", "random_trials=3", "N=3", "bootstrap=100", "workers=1", "model=outputs/train/latest"]
+    Path("judged").mkdir()
+    evaluate(typed(EvaluateConfig, composed("evaluate", *few, "judge=judge", "table=true")), Path("judged"))
+    found = json.loads(Path("judged/results.json").read_text())["judged"]
+    assert found["judge"] == "judge" and found["table"] and 0 <= found["top_N"] <= 1 and 0 <= found["ece"] <= 1
+    Path("votes").mkdir()
+    evaluate(typed(EvaluateConfig, composed("evaluate", *few, "table=true")), Path("votes"))
+    results = json.loads(Path("votes/results.json").read_text())
+    assert results["judged"]["judge"] is None and "ece" not in results["judged"]
+
+
+@pytest.mark.parametrize(
+    ("command", "overrides", "words"),
+    [
+        ("evaluate", ["judge=nowhere"], ["judge", "nowhere", "judge.json"]),
+        ("evaluate", ["judge=judge", "candidates=sampled"], ["judge", "candidates=proposed"]),
+        ("evaluate", ["table=true", "candidates=sampled"], ["table", "candidates=proposed"]),
+        ("evaluate", ["judge=judge", "held_out=true"], ["judge", "held_out=false"]),
+        ("evaluate", ["judge=panda"], ["judge", "sdh2", "panda", "python -m spgf_torch.judge hand=sdh2"]),
+        ("predict", ["judge=nowhere"], ["judge", "nowhere"]),
+        ("predict", ["judge=panda"], ["judge", "the model's hand", "panda"]),
+        ("predict", ["judge=outputs/train/latest"], ["judge.json"]),
+    ],
+)
+def test_what_does_not_go_together_is_refused(
+    place: Path, command: str, overrides: list[str], words: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(place)
+    given = ["objects=scans", "model=outputs/train/latest"] if command == "evaluate" else DEPTH
+    run, kind = (evaluate, EvaluateConfig) if command == "evaluate" else (predict, PredictConfig)
+    with pytest.raises(InputError) as error:
+        run(typed(kind, composed(command, *given, *overrides)), tmp_path)  # type: ignore[arg-type]
+    assert "\n" not in str(error.value) and all(word in str(error.value) for word in words), error.value
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_quick_judge_is_no_constant() -> None:
+    said = quick_judge().probability(torch.rand(50, 31, generator=torch.Generator().manual_seed(1)), True)
+    assert said.std() > 0.05

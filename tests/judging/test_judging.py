@@ -1,0 +1,225 @@
+"""A judge from beginning to end, tiny: what it learns from, that it repeats, and what commands do with it."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from doors import call
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+from sklearn.metrics import roc_auc_score
+
+from spgf_torch.cache import Cache
+from spgf_torch.config import InputError, JudgeConfig, SensingConfig, settings, typed
+from spgf_torch.experiment.tried import open_hand
+from spgf_torch.judge import run as learn
+from spgf_torch.judging.clouds import seen_as, training_clouds
+from spgf_torch.judging.rounds import choose
+from spgf_torch.judging.rows import PICKED, Bench, Chosen, Rows
+from spgf_torch.judging.trying import KIND, tried
+from spgf_torch.judging.validation import auc, executed
+from spgf_torch.objects.library import load_objects
+from spgf_torch.proposing.antipodal import antipodal, antipodal_score
+from spgf_torch.proposing.clearance import Clearance, Surroundings
+from spgf_torch.proposing.hypotheses import Hypotheses, Search
+from spgf_torch.proposing.judge import load_judge
+from spgf_torch.proposing.judge_features import NAMES
+from spgf_torch.sensing.sense import sense
+from spgf_torch.sensing.unseen import behind
+from spgf_torch.trials.attempts import Trials
+from spgf_torch.trials.hand import load_hand
+
+ROOT = Path(__file__).parents[2]
+OBJECTS = ("soap_bar", "egg", "box_tea", "tumbler")
+TINY = [
+    "folds=2",
+    "candidates=12",
+    "rounds=1",
+    "best=3",
+    "random=2",
+    "one_view=1",
+    "bootstrap=100",
+    "workers=1",
+    "hypotheses.seeds=6",
+    "hypotheses.hypotheses=60",
+    "learning.trees=8",
+    "learning.least=3",
+    "sensing.width=160",
+    "sensing.height=120",
+    "sensing.focal=144",
+]
+
+
+def config(*overrides: str) -> JudgeConfig:
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        composed = compose("judge", overrides=[*TINY, *overrides])
+        return typed(JudgeConfig, OmegaConf.to_container(composed, resolve=True))
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A working folder with four objects, and a judge learned on them by the command."""
+    folder = tmp_path_factory.mktemp("judging")
+    (folder / "objects").mkdir()
+    for name in OBJECTS:
+        shutil.copy(ROOT / f"data/objects/{name}.yaml", folder / "objects")
+    done = call("judge", "objects=objects", *TINY, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    (folder / "stdout.txt").write_text(done.stdout)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bench() -> tuple[Bench, Search, JudgeConfig]:
+    made = config()
+    obj = next(obj for obj in load_objects(ROOT / "data/objects") if obj.name == "soap_bar")
+    search = Search.of(Clearance(open_hand(made.hand), 0.005, 0.015), made.hypotheses)
+    return Bench.of(3, obj, training_clouds(obj, made), search), search, made
+
+
+def test_the_command_leaves_a_judge(place: Path) -> None:
+    run = place / "outputs/judge/latest"
+    assert {p.name for p in run.iterdir()} == {"config.yaml", "judge.json", "judge.safetensors", "README.md"}
+    judge = load_judge(run)
+    assert set(judge.taught) == set(OBJECTS) and judge.sure == 0.8
+    kinds = {"1 view, alone", "1 view, on a table", "4 views, alone", "4 views, on a table"}
+    assert set(judge.results["executed"]) == set(judge.results["cross_validated"]) == kinds
+    for row in judge.results["executed"].values():
+        assert row["objects"] == 4 and 0 <= row["top3"] <= 1 and 0 <= row["ece"] <= 1
+    card, told = (run / "README.md").read_text(), (place / "stdout.txt").read_text()
+    assert all(kind in card and kind in told for kind in kinds) and "top 3" in told
+
+
+def test_the_same_call_gives_the_same_judge_and_tries_nothing_again(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(place)
+    monkeypatch.setattr("spgf_torch.judging.trying.execute", lambda requests, *rest: iter([0 for _ in requests]))
+    Path("again").mkdir()
+    learn(config("objects=objects"), Path("again"))
+    run = Path("outputs/judge/latest")
+    assert (run / "judge.safetensors").read_bytes() == (Path("again") / "judge.safetensors").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["objects=nowhere"], ["nowhere"]),
+        (["trials=nowhere"], ["nowhere", "simulate"]),
+        (["objects=objects", "folds=5"], ["folds (5)", "got 4", "folds=4"]),
+        (["objects=objects", "trials=empty"], ["config.yaml", "simulate"]),
+    ],
+)
+def test_bad_input_is_refused(
+    place: Path, tmp_path: Path, overrides: list[str], words: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(place / "objects", "objects")
+    Path("run").mkdir()
+    Path("empty").mkdir()
+    Path("empty/note").touch()
+    with pytest.raises(InputError) as error:
+        learn(config(*overrides, "cache=off"), Path("run"))
+    assert "\n" not in str(error.value) and all(word in str(error.value) for word in words), error.value
+    assert not list(Path("run").iterdir())
+
+
+def test_clouds_are_those_of_an_object_alone_and_on_a_table(bench: tuple[Bench, Search, JudgeConfig]) -> None:
+    obj, clouds = bench[0].obj, bench[0].clouds
+    assert [(c.views, c.on_table) for c in clouds] == [(1, False), (4, False), (1, True), (4, True)]
+    again = training_clouds(obj, bench[2])
+    assert torch.equal(again[2].seen.texlets.positions, clouds[2].seen.texlets.positions)
+    sensing = settings(SensingConfig, width=160, height=120, focal=144)
+    alone = seen_as(obj, sensing, False, seed=4)
+    assert torch.equal(alone.seen.texlets.positions, sense(obj, sensing, 4).positions)
+    below = torch.tensor([[*obj.mesh.bounds.mean(0)[:2], obj.mesh.bounds[0, 2] - 0.03]]).float()
+    assert behind(below, clouds[3].seen.views).item() > 0.01 and clouds[3].around.table is not None
+
+
+def test_rows_of_a_pose_are_in_the_clouds_that_admit_it(bench: tuple[Bench, Search, JudgeConfig]) -> None:
+    """A hypothesis of the cloud on the table is a row at home with the very numbers of its hypothesis."""
+    its, search, _ = bench
+    own = its.hypotheses[3]
+    chosen = Chosen(own, torch.full((len(own),), 3), torch.arange(len(own)), torch.rand(len(own)))
+    rows = its.rows(chosen, torch.arange(len(own)) % 3, 2, search)
+    home = rows.at(rows.home)
+    assert torch.equal(home.numbers, its.numbers[3]) and torch.equal(home.outcome, torch.arange(len(own)) % 3)
+    assert set(rows.obj.tolist()) == {3} and set(rows.round.tolist()) == {2} and (home.cloud == 3).all()
+    assert 0 < int((rows.cloud == 1).sum()) <= len(own)  # alone more is possible, but more is seen
+    far = Hypotheses(own.T + torch.eye(4).roll(3, 1) * 0, own.grasp_type)
+    far.T[:, 2, 3] += 1.0
+    assert len(its.rows(replace(chosen, poses=far), rows.outcome[: len(own)], 1, search)) == 0
+
+
+def test_a_round_takes_the_best_and_others(bench: tuple[Bench, Search, JudgeConfig], place: Path) -> None:
+    its, _, made = bench
+    judge = load_judge(place / "outputs/judge/latest")
+    chosen, again = choose(its, judge, 1, made), choose(its, judge, 1, made)
+    assert torch.equal(chosen.poses.T, again.poses.T)
+    for cloud, numbers in enumerate(its.numbers):
+        of_cloud = chosen.cloud == cloud
+        p, rank = chosen.probability[of_cloud], chosen.rank[of_cloud]
+        assert rank[rank >= 0].tolist() == [0, 1, 2] and (rank == PICKED).sum() == 2
+        assert p[0] == judge.probability(numbers, True).max() and p[0] >= p[1] >= p[2]
+        assert len(torch.unique(chosen.poses.T[of_cloud].flatten(1), dim=0)) == 5
+
+
+def test_trials_that_have_ended_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cut off after the first request, the next call tries only what is missing; a damaged entry is tried again."""
+    made = config()
+    obj = next(obj for obj in load_objects(ROOT / "data/objects") if obj.name == "egg")
+    trials = Trials(load_hand(made.hand), made.episode)
+    far = torch.eye(4).repeat(3, 1, 1)
+    far[:, 2, 3] = torch.tensor([1.0, 2, 3])
+    requests = [(obj, "NPG", far), (obj, "WPG", far[:2]), (obj, "WPG", far[1:])]
+    asked: list[int] = []
+
+    def fake(given: Any, *rest: Any) -> Any:
+        for _, _, T in given:
+            asked.append(len(T))
+            yield torch.arange(len(T)) + 2
+            if len(asked) == 1:
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr("spgf_torch.judging.trying.execute", fake)
+    cache = Cache(tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        tried(requests, trials, 1, cache)
+    assert [o.tolist() for o in tried(requests, trials, 1, cache)] == [[2, 3, 4], [2, 3], [2, 3]] and asked == [3, 2, 2]
+    entry = max(tmp_path.glob(f"{KIND}-*"), key=lambda path: path.stat().st_size)
+    entry.write_bytes(entry.read_bytes()[:-1])
+    assert [len(o) for o in tried(requests, trials, 1, cache)] == [3, 2, 2] and asked[3:] == [3]
+    harder = Trials(trials.hand, replace(trials.episode, friction=0.1))
+    tried(requests[:1], harder, 1, cache)
+    assert asked[4:] == [3]  # another episode is another trial
+
+
+def test_auc_equals_scikit_learns() -> None:
+    rng = np.random.default_rng(0)
+    score, held = rng.integers(0, 6, 200) / 5, rng.random(200) < 0.3
+    assert auc(score, held) == pytest.approx(roc_auc_score(held, score))
+    assert auc(score, np.ones(200, bool)) == 0.5
+
+
+def test_missing_hypotheses_count_as_failures(bench: tuple[Bench, Search, JudgeConfig]) -> None:
+    """Two of `best` = 3 in one cloud, both held."""
+    its, _, made = bench
+    one = torch.ones(2, dtype=torch.int64)
+    rows = Rows(torch.zeros(2, 31), 0 * one, 3 * one, 0 * one, one, torch.tensor([0, 1]), one.bool(), 0.9 * one)
+    row = executed(rows, [its], made)["1 view, alone"]
+    assert row["top3"] == pytest.approx(2 / 3) and row["top1"] == 1 and row["ece"] == pytest.approx(0.1)
+
+
+def test_the_baseline_without_learning(bench: tuple[Bench, Search, JudgeConfig]) -> None:
+    its, search, made = bench
+    numbers = torch.zeros(3, 31)
+    numbers[:, NAMES.index("anti_min")] = torch.tensor([0.0, 0.5, 0.5])
+    numbers[:, NAMES.index("anti_max")] = 1.0
+    numbers[:, NAMES.index("log_points")] = torch.log1p(torch.tensor([24.0, 12, 6]))
+    assert antipodal_score(numbers).tolist() == pytest.approx([0.5, 0.75, 0.375])
+    found = antipodal(search, made.proposing, its.clouds[1].seen, Surroundings())
+    assert len(found.poses) > 3 and (found.probability.diff() <= 0).all()
