@@ -170,20 +170,21 @@ class Predictor:
     def _scored(self, proposals: Proposals, top: int) -> list[tuple[float, Grasp]]:
         kept = sorted({i for indices in proposals.best(top).values() for i in indices.tolist()})
         kinds = list(self.grippers)
-        return [
-            (
-                float(proposals.score[i]),
-                make_grasp(
-                    self.grippers[kinds[int(proposals.grasp_type[i])]],
-                    proposals.T_object_tcp[i].cpu().numpy(),
-                    float(proposals.probability[i]),
-                    int(proposals.support[i]),
-                    proposals.voted_by[i],
-                    self.retreat,
-                ),
+        found = []
+        for i in kept:
+            grasp = make_grasp(
+                self.grippers[kinds[int(proposals.grasp_type[i])]],
+                proposals.T_object_tcp[i].cpu().numpy(),
+                float(proposals.probability[i]),
+                int(proposals.support[i]),
+                proposals.voted_by[i],
+                self.retreat,
             )
-            for i in kept
-        ]
+            if proposals.judged is not None:
+                free, holds = proposals.judged[i].tolist()
+                grasp = replace(grasp, judged=(free, holds))
+            found.append((float(proposals.score[i]), grasp))
+        return found
 
 
 def _table(plane: np.ndarray | None) -> Plane | None:

@@ -56,6 +56,7 @@ class Grasp:
             base waits at T_input_base moved by the same vector.
         voted_by: (prototype, votes), most votes first.
         target: the number of what it grasps, where a scene has several (`segments`); else 1.
+        judged: of a judge P(free) and P(holds | free), whose product is the probability; None where the votes ranked.
     """
 
     type: str
@@ -68,6 +69,7 @@ class Grasp:
     T_input_pregrasp: np.ndarray
     voted_by: list[tuple[int, int]]
     target: int = 1
+    judged: tuple[float, float] | None = None
 
 
 def grippers_of(hand: Hand) -> dict[str, Gripper]:
