@@ -168,9 +168,9 @@ class Predictor:
     def grasps(self, proposals: Proposals, top: int) -> list[Grasp]:
         """The best of the proposals, with everything that a robot needs."""
         kept = sorted({i for indices in proposals.best(top).values() for i in indices.tolist()})
-        kinds = list(self.grippers)
-        made = [
-            make_grasp(
+        kinds, found = list(self.grippers), []
+        for i in kept:
+            grasp = make_grasp(
                 self.grippers[kinds[int(proposals.grasp_type[i])]],
                 proposals.T_object_tcp[i].cpu().numpy(),
                 float(proposals.probability[i]),
@@ -178,9 +178,12 @@ class Predictor:
                 proposals.voted_by[i],
                 self.retreat,
             )
-            for i in kept
-        ]
-        return [replace(grasp, score=float(proposals.score[i])) for grasp, i in zip(made, kept, strict=True)]
+            judged = None
+            if proposals.judged is not None:
+                free, holds = proposals.judged[i].tolist()
+                judged = (free, holds)
+            found.append(replace(grasp, score=float(proposals.score[i]), judged=judged))
+        return found
 
 
 def _table(plane: np.ndarray | None) -> Plane | None:

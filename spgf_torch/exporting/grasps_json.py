@@ -25,6 +25,8 @@ from spgf_torch.reading import json_of
 from spgf_torch.writing import write_text
 
 SCHEMA = 1
+# Keys of what a judge says: the probability that the open hand collides with nothing, and that it then holds.
+_FACTORS = ("free", "holds")
 
 
 def write_grasps(path: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper]) -> None:
@@ -68,6 +70,7 @@ def _plain(grasp: Grasp, gripper: Gripper) -> dict[str, Any]:
         "joints": grasp.joints,
         "closed": grasp.closed,
         "voted_by": [{"prototype": prototype, "votes": votes} for prototype, votes in grasp.voted_by],
+        **({"judged": dict(zip(_FACTORS, grasp.judged, strict=True))} if grasp.judged else {}),
     }
 
 
@@ -93,7 +96,13 @@ def _grasp(values: Any, where: str) -> Grasp:
         voted_by=[_vote(vote, f"{where}.voted_by[{i}]") for i, vote in enumerate(votes)],
         target=whole(values.get("target", 1), f"{where}.target"),
         score=number(values.get("score", 0.0), f"{where}.score"),
+        judged=_judged(values["judged"], f"{where}.judged") if "judged" in values else None,
     )
+
+
+def _judged(values: Any, where: str) -> tuple[float, float]:
+    free, holds = (number(entry(values, key, where), f"{where}.{key}", 0.0, 1.0) for key in _FACTORS)
+    return free, holds
 
 
 def _vote(values: Any, where: str) -> tuple[int, int]:

@@ -57,6 +57,7 @@ class Grasp:
         voted_by: (prototype, votes), most votes first.
         target: the number of what it grasps, where a scene has several (`segments`); else 1.
         score: what ranks grasps of a model: the votes' mean evidence, drawn to 0 where there are few; no probability.
+        judged: of a judge P(free) and P(holds | free), whose product is the probability; None where the votes ranked.
     """
 
     type: str
@@ -70,6 +71,7 @@ class Grasp:
     voted_by: list[tuple[int, int]]
     target: int = 1
     score: float = 0.0
+    judged: tuple[float, float] | None = None
 
 
 def grippers_of(hand: Hand) -> dict[str, Gripper]:

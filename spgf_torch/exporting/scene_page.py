@@ -171,19 +171,32 @@ def _words(rank: int, grasp: Grasp, names: Sequence[str] | None) -> str:
     lines = (
         f"<b>{rank}</b>: {html.escape(grasp.type)}{_of_target(grasp)}",
         f"probability {100 * grasp.probability:.0f} %",
+        judged_words(grasp),
         f"{grasp.support} votes",
         html.escape(voters(grasp, names)),
     )
     return "<br>".join(line for line in lines if line)
 
 
+def judged_words(grasp: Grasp) -> str:
+    """What a judge weighed; empty where the votes ranked."""
+    if grasp.judged is None:
+        return ""
+    free, holds = grasp.judged
+    return f"free with {100 * free:.0f} %, then holds with {100 * holds:.0f} %"
+
+
 def _ranked_html(grasps: Sequence[Grasp], names: Sequence[str] | None) -> str:
-    head = ("rank", "type", "probability (%)", "votes", "x (mm)", "y (mm)", "z (mm)", "approach", "prototypes")
+    judged = any(grasp.judged for grasp in grasps)
+    told = ("judge",) if judged else ()
+    place = ("votes", "x (mm)", "y (mm)", "z (mm)", "approach", "prototypes")
+    head = ("rank", "type", "probability (%)", *told, *place)
     rows = [
         [
             str(rank),
             html.escape(grasp.type) + _of_target(grasp),
             f"{100 * grasp.probability:.1f}",
+            *([judged_words(grasp)] if judged else []),
             str(grasp.support),
             *(f"{1000 * value:.1f}" for value in grasp.T_input_tcp[:3, 3]),
             direction(grasp),

@@ -2,4 +2,8 @@
 
 `shortlist` keeps each prototype's promising particles; `spreading` picks features and merges poses by distance;
 `clearance` asks what the open hand would touch; `propose` goes from texlets to ranked grasps.
+
+The other way, with a judge: `hand_geometry` is what the hand's shapes say of where it closes, `hypotheses` pushes it
+onto what is seen, `judge_features` describes each, `judge` (`trees`) says how likely it holds, `judged` ranks.
+`antipodal` ranks the same hypotheses without learning.
 """

@@ -75,6 +75,8 @@ class Search:
     def hypotheses(self, texlets: Texlets, around: Surroundings) -> Hypotheses:
         """Free poses about the texlets, at most `config.hypotheses`; from below only where there are no others."""
         positions, normals = texlets.positions.float().cpu(), texlets.normals.float().cpu()
+        if not len(positions):
+            return Hypotheses(torch.zeros(0, 4, 4), torch.zeros(0, dtype=torch.int64))
         around = around.near(positions, self.clearance.reach)
         T = frames(positions, normals, self.config)
         found = self._found(T, positions, around)

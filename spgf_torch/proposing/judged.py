@@ -21,10 +21,15 @@ from spgf_torch.proposing.spreading import suppress
 
 @dataclass(frozen=True)
 class Ranked:
-    """Grasps that a judge ranked, the best first: poses (G), probability (G,) f32 that they hold when executed."""
+    """Grasps in order, the best first: poses (G), probability (G,) f32 that they hold when executed.
+
+    Attributes:
+        factors (G, 2) f64: of a judge P(free) and P(holds | free), whose product that is; None of another ranking.
+    """
 
     poses: Hypotheses
     probability: Tensor
+    factors: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ class JudgedProposer:
         votes = proposer.votes(T, grasp_type, proposer.voters(proposer.described(seen.texlets)))
         score = found.probability.to(device)
         support = torch.bincount(votes.grasp, minlength=len(T))
-        return Proposals(T, grasp_type, score, score, support, tuple(votes_by_prototype(votes, len(T))))
+        return Proposals(T, grasp_type, score, score, support, tuple(votes_by_prototype(votes, len(T))), found.factors)
 
 
 def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, around: Surroundings) -> Ranked:
@@ -62,15 +67,15 @@ def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, ar
     hypotheses = search.hypotheses(seen.texlets, around)
     hypotheses = hypotheses.at(in_images(seen, hypotheses, search))
     numbers = judge_features(seen, hypotheses, search)
-    probability = judge.probability(numbers, images=bool(seen.views))
-    return best_of(hypotheses, probability, config)
+    factors = torch.stack(judge.both(numbers, images=bool(seen.views)), dim=1)
+    return best_of(hypotheses, factors.prod(1).float(), config, factors)
 
 
-def best_of(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig) -> Ranked:
+def best_of(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig, factors: Tensor | None = None) -> Ranked:
     """The highest scores (H,) f32, no two of the same grasp, at most `config.count` of each type."""
     alike = torch.zeros_like(hypotheses.grasp_type)  # a wide and a narrow grasp of one place are one grasp
     kept = suppress(hypotheses.T, alike, score, config.apart, config.apart_deg)
     pool = Pool(hypotheses.T[kept], hypotheses.grasp_type[kept], score[kept])
-    pool = pool.at(pool.best_of_each_type(config.count))
-    pool = pool.at(torch.argsort(pool.score, descending=True, stable=True))
-    return Ranked(Hypotheses(pool.T, pool.grasp_type), pool.score)
+    kept = kept[of_each := pool.best_of_each_type(config.count)]
+    kept = kept[torch.argsort(pool.score[of_each], descending=True, stable=True)]
+    return Ranked(hypotheses.at(kept), score[kept], None if factors is None else factors[kept])

@@ -52,6 +52,7 @@ class Proposals:
         score (G,) f32: mean log-odds gain of the votes, drawn towards 0 by `proposing.vote_shrinkage` votes.
         support (G,) int64: votes.
         voted_by: of each grasp (prototype, votes), most votes first.
+        judged (G, 2) f64: of a judge P(free) and P(holds | free); None where the votes ranked.
     """
 
     T_object_tcp: Tensor
@@ -60,6 +61,7 @@ class Proposals:
     score: Tensor
     support: Tensor
     voted_by: tuple[tuple[tuple[int, int], ...], ...]
+    judged: Tensor | None = None
 
     def __len__(self) -> int:
         return len(self.grasp_type)

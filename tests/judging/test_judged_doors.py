@@ -78,6 +78,9 @@ def test_predict_ranks_by_the_judge(place: Path) -> None:
     run = place / "outputs/predict/latest"
     grasps = read_grasps(run / "grasps.json")
     said = [grasp.probability for grasp in grasps]
+    for grasp in grasps:
+        assert grasp.judged is not None and grasp.probability == pytest.approx(np.prod(grasp.judged), abs=1e-6)
+    assert "then holds with" in (run / "index.html").read_text()
     assert len(grasps) >= 5 and said == sorted(said, reverse=True) and (run / "index.html").is_file()
     assert min(grasp.T_input_tcp[2, 3] for grasp in grasps) > 0.0  # above the table
 
@@ -114,7 +117,7 @@ def test_a_judge_in_python(place: Path) -> None:
     )
     assert isinstance(model.judged, JudgedProposer)
     plain = spgf_torch.load(place / "outputs/train/latest")
-    assert plain.judged is None and plain.predict(scene.texlets, top=5) is not None
+    assert plain.judged is None and all(grasp.judged is None for grasp in plain.predict(scene.texlets, top=5))
 
 
 def test_evaluate_executes_what_the_judge_ranks(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:

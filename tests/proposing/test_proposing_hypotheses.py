@@ -61,6 +61,8 @@ def test_no_frames_without_normals_that_agree() -> None:
     thin = Texlets(torch.zeros(2, 3), torch.tensor([[0.0, 0, 1], [0, 0, -1]]))
     assert len(frames(thin.positions, thin.normals, CONFIG)) == 0
     assert len(SEARCH.hypotheses(thin, NOWHERE)) == 0
+    nothing = Texlets(torch.zeros(0, 3), torch.zeros(0, 3))
+    assert len(SEARCH.hypotheses(nothing, NOWHERE)) == 0
 
 
 def test_the_profile_equals_a_slow_loop() -> None:
