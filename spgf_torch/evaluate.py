@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from spgf_torch.cli import door
 from spgf_torch.config import EvaluateConfig, InputError, find
@@ -33,7 +33,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
 
     from spgf_torch.affordance.model import check_device
     from spgf_torch.cache import Cache
-    from spgf_torch.evaluation.executed import executed_results, judged_results
+    from spgf_torch.evaluation.executed import executed_results
     from spgf_torch.evaluation.files import write_json
     from spgf_torch.evaluation.tables import executed_table, scans_table
     from spgf_torch.experiment.execution import execute_best
@@ -67,11 +67,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     trials = Trials(load_hand(config.hand), config.episode)
     executed = execute_best(objects, grasps, scores, trials, config, stages)
     results = executed_results(outcomes_of(objects, executed, each), config)
-    if config.judge is not None or config.table:
-        chosen = [ran.best["CG"] for ran in executed]
-        held = [ran.success[best].numpy() for ran, best in zip(executed, chosen, strict=True)]
-        said = [score[best].numpy() for score, best in zip(scores, chosen, strict=True)] if judge else None
-        results |= judged_results(held, said, config)
+    results |= _judged(executed, scores, config)
     write_json(folder / "results.json", results)
     failures = failures_picture(objects, grasps, executed, config.hand.openings)
     if failures:
@@ -107,6 +103,18 @@ def _judge(objects: Sequence[GraspObject], config: EvaluateConfig) -> Judge | No
     if known := sum(obj.digest in judge.taught.values() for obj in objects):
         show(f"the judge learned from {known} of these objects: its README.md has its rates on held-out ones")
     return judge
+
+
+def _judged(executed: Sequence[Executed], scores: Sequence[Tensor], config: EvaluateConfig) -> dict[str, Any]:
+    """What `results.json` holds more where a judge ranked, or things stood on a table."""
+    from spgf_torch.evaluation.executed import judged_results
+
+    if config.judge is None and not config.table:
+        return {}
+    chosen = [ran.best["CG"] for ran in executed]
+    held = [ran.success[best].numpy() for ran, best in zip(executed, chosen, strict=True)]
+    said = [score[best].numpy() for score, best in zip(scores, chosen, strict=True)]
+    return judged_results(held, said if config.judge is not None else None, config)
 
 
 def models(config: EvaluateConfig) -> Callable[[GraspObject], Restored]:

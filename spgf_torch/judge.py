@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,11 +15,10 @@ from spgf_torch.progress import Stages, show
 if TYPE_CHECKING:
     import numpy as np
 
-    from spgf_torch.cache import Cache
+    from spgf_torch.judging.rounds import Workshop
     from spgf_torch.judging.rows import Bench, Rows
     from spgf_torch.objects.grasp_object import GraspObject
-    from spgf_torch.proposing.hypotheses import Search
-    from spgf_torch.trials.attempts import Trials
+    from spgf_torch.proposing.judge import Judge
 
 
 def run(config: JudgeConfig, folder: Path) -> None:
@@ -30,44 +30,30 @@ def run(config: JudgeConfig, folder: Path) -> None:
     from spgf_torch.cache import Cache
     from spgf_torch.experiment.tried import open_hand
     from spgf_torch.judging.card import judge_card
-    from spgf_torch.judging.learning import judge_of, learn_judge
-    from spgf_torch.judging.validation import cross_validated, executed, executed_table
+    from spgf_torch.judging.rounds import Workshop
+    from spgf_torch.judging.validation import executed_table
     from spgf_torch.objects.folders import read_objects
     from spgf_torch.proposing.clearance import Clearance
     from spgf_torch.proposing.hypotheses import Search
-    from spgf_torch.proposing.judge import Judge, save_judge
+    from spgf_torch.proposing.judge import save_judge
     from spgf_torch.trials.attempts import Trials
     from spgf_torch.trials.hand import load_hand
     from spgf_torch.writing import write_text
 
-    stages, cache = Stages(), Cache.open(config.cache, config.cache_gb)
+    stages, cache, proposing = Stages(), Cache.open(config.cache, config.cache_gb), config.proposing
     found = read_objects(config, stages, cache)
     for note in found.notes:
         show(note)
-    objects = found.objects
-    fold = _folds(objects, config)
-    proposing = config.proposing
-    clearance = Clearance(
-        open_hand(config.hand), proposing.plane_clearance, proposing.between, proposing.obstacle_clearance
-    )
-    search = Search.of(clearance, config.hypotheses)
-    benches = _benches(objects, search, config, stages)
-    rows = _trials(benches, fold, Trials(load_hand(config.hand), config.episode), search, config, cache, stages)
-    with stages.stage("learning", config.folds + 1, "judges") as advance:
-        results: dict[str, Any] = {
-            "executed": executed(rows, benches, config),
-            "cross_validated": cross_validated(rows, benches, fold, config),
-            "rows": len(rows),
-            "trials": _counted(rows),
-        }
-        advance(config.folds)
-        judge = judge_of(learn_judge(rows, config), objects, config)
-        advance(1)
-    results["seconds"] = {name: round(seconds, 1) for name, seconds in stages.seconds.items()}
-    judge = Judge(judge.factors, judge.settings, judge.sure, judge.taught, results)
+    fold = _folds(found.objects, config)
+    clearances = (proposing.plane_clearance, proposing.between, proposing.obstacle_clearance)
+    search = Search.of(Clearance(open_hand(config.hand), *clearances), config.hypotheses)
+    shop = Workshop(Trials(load_hand(config.hand), config.episode), search, config, cache, stages)
+    benches = _benches(found.objects, shop)
+    rows = _trials(benches, fold, shop)
+    judge = _learned(rows, benches, fold, shop)
     size = save_judge(judge, folder)
     write_text(folder / "README.md", judge_card(judge, config, size))
-    show(executed_table(results["executed"], config.best))
+    show(executed_table(dict(judge.results["executed"]), config.best))
     show(f"judge of {size / 1e6:.2f} MB and settings in {folder}; predict judge=FOLDER, evaluate judge=FOLDER use it")
 
 
@@ -83,28 +69,20 @@ def _folds(objects: Sequence[GraspObject], config: JudgeConfig) -> np.ndarray:
     return stratified_folds([obj.category for obj in objects], config.folds, config.seed)
 
 
-def _benches(objects: Sequence[GraspObject], search: Search, config: JudgeConfig, stages: Stages) -> list[Bench]:
+def _benches(objects: Sequence[GraspObject], shop: Workshop) -> list[Bench]:
     """Each object with its clouds and hypotheses."""
     from spgf_torch.judging.clouds import training_clouds
     from spgf_torch.judging.rows import Bench
     from spgf_torch.threads import in_parts
 
     def bench(index: int) -> Bench:
-        return Bench.of(index, objects[index], training_clouds(objects[index], config), search)
+        return Bench.of(index, objects[index], training_clouds(objects[index], shop.config), shop.search)
 
-    with stages.stage("hypotheses", len(objects), "objects") as advance:
+    with shop.stages.stage("hypotheses", len(objects), "objects") as advance:
         return [(advance(1), done)[1] for done in in_parts(bench, range(len(objects)))]
 
 
-def _trials(
-    benches: Sequence[Bench],
-    fold: np.ndarray,
-    trials: Trials,
-    search: Search,
-    config: JudgeConfig,
-    cache: Cache,
-    stages: Stages,
-) -> Rows:
+def _trials(benches: Sequence[Bench], fold: np.ndarray, shop: Workshop) -> Rows:
     """Rows of random trials, then of each round: who chooses has learned from the objects of the other folds."""
     import torch
 
@@ -112,18 +90,38 @@ def _trials(
     from spgf_torch.judging.rounds import own_trials, random_trials
     from spgf_torch.judging.rows import Rows
 
-    rows = random_trials(benches, trials, search, config, cache, stages)
+    config = shop.config
+    rows = random_trials(benches, shop)
     _check(rows)
     for number in range(1, config.rounds + 1):
         folds = torch.from_numpy(fold)[rows.obj]
-        with stages.stage("learning", config.folds, "judges") as advance:
+        with shop.stages.stage("learning", config.folds, "judges") as advance:
             judges = {}
             for held_out in range(config.folds):
                 judges[held_out] = judge_of(learn_judge(rows.at(folds != held_out), config, ["images"]), [], config)
                 advance(1)
-        own = own_trials(benches, judges, fold, number, trials, search, config, cache, stages)
-        rows = Rows.together([rows, own])
+        rows = Rows.together([rows, own_trials(benches, judges, fold, number, shop)])
     return rows
+
+
+def _learned(rows: Rows, benches: Sequence[Bench], fold: np.ndarray, shop: Workshop) -> Judge:
+    """The judge that all rows teach, with how others did on objects that they had not seen."""
+    from spgf_torch.judging.learning import judge_of, learn_judge
+    from spgf_torch.judging.validation import cross_validated, executed
+
+    config, stages = shop.config, shop.stages
+    with stages.stage("learning", config.folds + 1, "judges") as advance:
+        results: dict[str, Any] = {
+            "executed": executed(rows, benches, config),
+            "cross_validated": cross_validated(rows, benches, fold, config),
+            "rows": len(rows),
+            "trials": _counted(rows),
+        }
+        advance(config.folds)
+        judge = judge_of(learn_judge(rows, config), [bench.obj for bench in benches], config)
+        advance(1)
+    results["seconds"] = {name: round(seconds, 1) for name, seconds in stages.seconds.items()}
+    return replace(judge, results=results)
 
 
 def _check(rows: Rows) -> None:

@@ -15,6 +15,8 @@ from spgf_torch.progress import Stages, show
 
 if TYPE_CHECKING:
     from spgf_torch.exporting.records import Grasp
+    from spgf_torch.predictor import Predictor
+    from spgf_torch.scene.scene import Scene
 
 
 UNKNOWN = "without unseen space, which only depth images tell: behind what is seen nothing is known to be there"
@@ -24,6 +26,24 @@ def by_type(grasps: Sequence[Grasp]) -> str:
     """How many there are of each type: `10 NPG, 10 WPG`."""
     counted = Counter(grasp.type for grasp in grasps)
     return ", ".join(f"{counted[kind]} {kind}" for kind in GRASP_TYPES)
+
+
+def _tell_judge(predictor: Predictor, scene: Scene, config: PredictConfig) -> None:
+    """Which judge, if any, and what it knows."""
+    if predictor.judged is not None:
+        known = f"unseen space from {len(scene.views)} depth images" if scene.views else UNKNOWN
+        show(f"judge: {find(str(config.judge)).resolve()}, {known}")
+
+
+def _tell_doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> None:
+    """Why there is no grasp, or that none is sure."""
+    judged = predictor.judged
+    if not grasps:
+        nothing = "no shape here votes for any" if judged is None else "there is nothing to close on"
+        show(f"no grasp: {scene.no_grasp or f'{nothing} that the open hand could reach freely'}")
+    elif judged is not None and grasps[0].probability < judged.judge.sure:
+        best, sure = grasps[0].probability, judged.judge.sure
+        show(f"nothing sure: the best holds with a probability of {best:.0%}, less than {sure:.0%}")
 
 
 def run(config: PredictConfig, folder: Path) -> None:
@@ -57,9 +77,7 @@ def run(config: PredictConfig, folder: Path) -> None:
         ).ready()
         advance(1)
     show(f"model: {folder_of_model.resolve()}, K = {len(predictor.model.centres)}")
-    if predictor.judged is not None:
-        known = f"unseen space from {len(scene.views)} depth images" if scene.views else UNKNOWN
-        show(f"judge: {find(str(config.judge)).resolve()}, {known}")
+    _tell_judge(predictor, scene, config)
     start = time.perf_counter()
     with stages.stage("grasps", len(scene.texlets), "texlets") as advance:
         grasps = predictor.predict(scene, config.N)
@@ -75,12 +93,7 @@ def run(config: PredictConfig, folder: Path) -> None:
         write_scene_page(*pictures, positions, normals, grasps, predictor.grippers, names)
     if grasps:
         show(grasp_table(grasps[: config.N], names, targets=len(scene.targets) > 1))
-    else:
-        who = "no shape here votes for any" if predictor.judged is None else "there is nothing to close on"
-        show(f"no grasp: {scene.no_grasp or f'{who} that the open hand could reach freely'}")
-    sure = 0.0 if predictor.judged is None else predictor.judged.judge.sure
-    if grasps and grasps[0].probability < sure:
-        show(f"nothing sure: the best holds with a probability of {grasps[0].probability:.0%}, less than {sure:.0%}")
+    _tell_doubts(grasps, predictor, scene)
     for target in scene.targets if len(scene.targets) > 1 else ():
         show(f"target {target}: {sum(grasp.target == target for grasp in grasps)} grasps")
     show(f"{len(grasps)} grasps ({by_type(grasps)}) from {len(scene.texlets)} texlets in {seconds:.2f} s")

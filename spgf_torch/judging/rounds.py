@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -27,38 +28,38 @@ from spgf_torch.trials.runner import Trials, origin, sample
 from spgf_torch.trials.table import pose_matrix
 
 
-def random_trials(
-    benches: Sequence[Bench], trials: Trials, search: Search, config: JudgeConfig, cache: Cache, stages: Stages
-) -> Rows:
+@dataclass(frozen=True)
+class Workshop:
+    """What trials are made with: how they run, the search of hypotheses, settings, what is kept, progress."""
+
+    trials: Trials
+    search: Search
+    config: JudgeConfig
+    cache: Cache
+    stages: Stages
+
+
+def random_trials(benches: Sequence[Bench], shop: Workshop) -> Rows:
     """The first `config.candidates` random trials of each type on each object: from tables, or tried here."""
-    objects = [bench.obj for bench in benches]
+    objects, config = [bench.obj for bench in benches], shop.config
     if config.trials is not None:
-        tables = tables_of(objects, config.trials, trials, config.sampler)
+        tables = tables_of(objects, config.trials, shop.trials, config.sampler)
         kept = [_first(table.grasp_type, config.candidates) for table in tables]
         poses = [Hypotheses(t.T_object_tcp[k], t.grasp_type[k]) for t, k in zip(tables, kept, strict=True)]
         outcomes = [table.outcome[k] for table, k in zip(tables, kept, strict=True)]
     else:
-        poses = [_sampled(obj, trials, config) for obj in objects]
-        outcomes = _tried(benches, poses, trials, config, cache, stages)
-    chosen = [_alike(each, SAMPLED) for each in poses]
-    return _rows(benches, chosen, outcomes, 0, search, stages)
+        poses = [_sampled(obj, shop.trials, config) for obj in objects]
+        outcomes = _tried(benches, poses, shop)
+    return _rows(benches, [_alike(each, SAMPLED) for each in poses], outcomes, 0, shop)
 
 
 def own_trials(
-    benches: Sequence[Bench],
-    judges: Mapping[int, Judge],
-    fold: np.ndarray,
-    number: int,
-    trials: Trials,
-    search: Search,
-    config: JudgeConfig,
-    cache: Cache,
-    stages: Stages,
+    benches: Sequence[Bench], judges: Mapping[int, Judge], fold: np.ndarray, number: int, shop: Workshop
 ) -> Rows:
     """Round `number`: in each cloud the best hypotheses of the judge of the object's fold, and some at random."""
-    chosen = [choose(bench, judges[int(fold[bench.index])], number, config) for bench in benches]
-    outcomes = _tried(benches, [each.poses for each in chosen], trials, config, cache, stages)
-    return _rows(benches, chosen, outcomes, number, search, stages)
+    chosen = [choose(bench, judges[int(fold[bench.index])], number, shop.config) for bench in benches]
+    outcomes = _tried(benches, [each.poses for each in chosen], shop)
+    return _rows(benches, chosen, outcomes, number, shop)
 
 
 def choose(bench: Bench, judge: Judge, number: int, config: JudgeConfig) -> Chosen:
@@ -81,27 +82,15 @@ def choose(bench: Bench, judge: Judge, number: int, config: JudgeConfig) -> Chos
 
 
 def _rows(
-    benches: Sequence[Bench],
-    chosen: Sequence[Chosen],
-    outcomes: Sequence[torch.Tensor],
-    number: int,
-    search: Search,
-    stages: Stages,
+    benches: Sequence[Bench], chosen: Sequence[Chosen], outcomes: Sequence[torch.Tensor], number: int, shop: Workshop
 ) -> Rows:
     triples = list(zip(benches, chosen, outcomes, strict=True))
-    with stages.stage("rows", len(triples), "objects") as advance:
-        work = in_parts(lambda t: t[0].rows(t[1], t[2], number, search), triples)
+    with shop.stages.stage("rows", len(triples), "objects") as advance:
+        work = in_parts(lambda t: t[0].rows(t[1], t[2], number, shop.search), triples)
         return Rows.together([(advance(1), rows)[1] for rows in work])
 
 
-def _tried(
-    benches: Sequence[Bench],
-    poses: Sequence[Hypotheses],
-    trials: Trials,
-    config: JudgeConfig,
-    cache: Cache,
-    stages: Stages,
-) -> list[torch.Tensor]:
+def _tried(benches: Sequence[Bench], poses: Sequence[Hypotheses], shop: Workshop) -> list[torch.Tensor]:
     """The outcomes (M,) int64 of each object's poses."""
     requests, where = [], []
     for bench, its in zip(benches, poses, strict=True):
@@ -110,8 +99,8 @@ def _tried(
             if len(which):
                 requests.append((bench.obj, kind, its.T[which]))
                 where.append((bench.index, which))
-    with stages.stage("trials", sum(map(len, poses)), "grasps") as advance:
-        ended = tried(requests, trials, config.workers, cache, advance)
+    with shop.stages.stage("trials", sum(map(len, poses)), "grasps") as advance:
+        ended = tried(requests, shop.trials, shop.config.workers, shop.cache, advance)
     outcomes = {
         bench.index: torch.zeros(len(its), dtype=torch.int64) for bench, its in zip(benches, poses, strict=True)
     }

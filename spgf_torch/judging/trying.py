@@ -7,9 +7,10 @@ from functools import partial
 
 from torch import Tensor
 
-from spgf_torch.cache import Cache, fingerprint
+from spgf_torch.cache import Cache, fingerprint, program
 from spgf_torch.config import plain
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.trials.attempts import physics
 from spgf_torch.trials.runner import Trials, execute, versions
 
 # Of entries of the cache.
@@ -29,7 +30,7 @@ def tried(
 
     The outcomes of a request are kept in `cache` when they are known. Raises RuntimeError where a trial has none.
     """
-    common = (trials.hand.digest, plain(trials.episode), versions())
+    common = (trials.hand.digest, plain(trials.episode), versions(), program(physics.__module__))
     keys = [fingerprint(obj.digest, kind, T, *common) for obj, kind, T in requests]
 
     def again(request: Request) -> dict[str, Tensor]:
