@@ -20,71 +20,38 @@ import spgf_torch  # noqa: F401  # before torch: it sets how its threads wait
 # isort: split
 
 import sys
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 import torch
-from shared.contact_graspnet import ContactGraspNet, raw_cloud
-from shared.harness import Report, threads
+from shared.harness import Report
+from shared.ranking import JUDGE, NETWORK, SCORES, Sensed, Timed, peers, rank
 from torch import Tensor
 
-from spgf_torch.affordance.model import load_model
 from spgf_torch.config import (
     GRASP_TYPES,
     CollisionConfig,
     EpisodeConfig,
     HandConfig,
     InputError,
-    ProposingConfig,
     SensingConfig,
     find,
     settings,
-    typed,
 )
-from spgf_torch.experiment.tried import open_hand
-from spgf_torch.judging.clouds import Cloud, seen_as
+from spgf_torch.judging.clouds import seen_as
 from spgf_torch.objects.folders import read_objects
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
-from spgf_torch.proposing.antipodal import antipodal
-from spgf_torch.proposing.clearance import Clearance
-from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import load_judge
-from spgf_torch.proposing.judge_features import in_images
-from spgf_torch.proposing.judged import Ranked, ranked
-from spgf_torch.proposing.propose import Proposer
 from spgf_torch.trials.hand import load_hand
 from spgf_torch.trials.runner import Trials, execute
 from spgf_torch.trials.table import OUTCOMES
 
 N, RESAMPLES, SEED = 10, 10_000, 0
 SUCCESS, COLLISION = OUTCOMES.index("success"), OUTCOMES.index("collision")
-WIDE = GRASP_TYPES.index("WPG")  # the network's hand is open to its whole stroke
-NETWORK, FREE = "Contact-GraspNet", "Contact-GraspNet, free"
-SCORES = ("antipodal", "random")  # in the place of probabilities
 NEEDED, OPTIONAL = ("objects", "judge"), ("model", "cgn", "views", "place", "seeds", "write")
-Method = Callable[[Cloud], Ranked]
-
-
-@dataclass(frozen=True)
-class Sensed:
-    """An object, the settings and the seed it was sensed with, and what was seen."""
-
-    obj: GraspObject
-    sensing: SensingConfig
-    seed: int
-    cloud: Cloud
-
-
-@dataclass(frozen=True)
-class Timed:
-    """What a method ranked for one cloud, and its seconds of the processor."""
-
-    ranked: Ranked
-    seconds: float
 
 
 @dataclass
@@ -102,83 +69,6 @@ class Ran:
     @property
     def first(self) -> float:
         return float((self.outcome[:1] == SUCCESS).sum())
-
-
-@dataclass(frozen=True)
-class Peers:
-    """Who takes part: the hand, the search they share, how each of ours ranks, and the network, where it is there."""
-
-    hand: HandConfig
-    search: Search
-    ours: dict[str, Method]
-    network: ContactGraspNet | None
-
-
-def peers(given: dict[str, str], report: Report) -> Peers:
-    judge = load_judge(find(given["judge"]))
-    hand, config = typed(HandConfig, judge.settings["hand"]), settings(ProposingConfig)
-    clearance = Clearance(open_hand(hand), config.plane_clearance, config.between, config.obstacle_clearance)
-    search = Search.of(clearance, judge.hypotheses)
-    ours: dict[str, Method] = {
-        "judge": lambda cloud: ranked(judge, search, config, cloud.seen, cloud.around),
-        "antipodal": lambda cloud: antipodal(search, config, cloud.seen, cloud.around),
-        "random": lambda cloud: at_random(search, cloud),
-    }
-    if "model" in given:
-        model = load_model(find(given["model"]))
-        judge.check_hand(model.settings.get("hand"), "the model's hand")
-        proposer = Proposer.of(model, config, open_hand(hand))
-        ours["votes"] = lambda cloud: voted(proposer, cloud)
-    network = None
-    if "cgn" not in given:
-        report.skip("Contact-GraspNet: no cgn=PYTHON was given (tests/benchmarks/shared/contact_graspnet.py)")
-    elif hand.name != "panda":
-        report.skip(f"Contact-GraspNet: its hand is the Panda, the judge's {hand.name}")
-    else:
-        network = ContactGraspNet.of(given["cgn"])
-    return Peers(hand, search, ours, network)
-
-
-def at_random(search: Search, cloud: Cloud) -> Ranked:
-    """Free hypotheses, those that the judge gets, in random order."""
-    found = search.hypotheses(cloud.seen.texlets, cloud.around)
-    found = found.at(in_images(cloud.seen, found, search))
-    order = torch.randperm(len(found), generator=torch.Generator().manual_seed(SEED))
-    return Ranked(found.at(order), torch.zeros(len(found)))
-
-
-def voted(proposer: Proposer, cloud: Cloud) -> Ranked:
-    grasps = proposer.propose(cloud.seen.texlets, cloud.around)
-    return Ranked(Hypotheses(grasps.T_object_tcp, grasps.grasp_type), grasps.probability)
-
-
-def rank(who: Peers, sensed: Sequence[Sensed]) -> dict[str, list[Timed]]:
-    """Method -> what it ranks for each cloud."""
-    found: dict[str, list[Timed]] = {}
-    with threads(1):
-        for name, method in who.ours.items():
-            method(sensed[0].cloud)  # compiled, and what is kept of a hand
-            for each in sensed:
-                start = time.process_time()
-                ranks = method(each.cloud)
-                found.setdefault(name, []).append(Timed(ranks, time.process_time() - start))
-        if who.network is not None:
-            found[NETWORK], found[FREE] = by_network(who.network, who.search, sensed)
-    return found
-
-
-def by_network(network: ContactGraspNet, search: Search, sensed: Sequence[Sensed]) -> tuple[list[Timed], list[Timed]]:
-    """As the network ranks; and what is left of that in places that are free of all that is seen, as ours must be."""
-    raw = [raw_cloud(each.obj, each.sensing, each.cloud, each.seed) for each in sensed]
-    all_of_it, left = [], []
-    for each, found in zip(sensed, network.grasps(raw, [each.seed for each in sensed]), strict=True):
-        poses = Hypotheses(found.T, torch.full((len(found.T),), WIDE))
-        start = time.process_time()
-        free = search.free(poses.T, poses.grasp_type, each.cloud.seen.texlets.positions.float(), each.cloud.around)
-        without = Ranked(poses.at(free), found.confidence[free])
-        left.append(Timed(without, found.seconds + time.process_time() - start))
-        all_of_it.append(Timed(Ranked(poses, found.confidence), found.seconds))
-    return all_of_it, left
 
 
 def tried(found: dict[str, list[Timed]], sensed: Sequence[Sensed], hand: HandConfig) -> dict[str, list[Ran]]:
@@ -232,13 +122,13 @@ def tell(report: Report, ran: dict[str, list[Ran]], objects: Sequence[GraspObjec
     tops = {name: np.array([r.top for r in its]).reshape(count, -1).mean(axis=1) for name, its in ran.items()}
     for i, obj in enumerate(objects):
         report.row(views=views, object=obj.name, **{name: float(top[i]) for name, top in tops.items()})
-    ours = ran["judge"]
+    ours = ran[JUDGE]
     for other, theirs in list(ran.items())[1:]:
         top = words([a.top - b.top for a, b in zip(ours, theirs, strict=True)], count)
         first = words([a.first - b.first for a, b in zip(ours, theirs, strict=True)], count)
         report.figure(f"{about}: judge minus {other}, top 10; top 1", "> 0; >= 0", f"{top}; {first}")
     if NETWORK in ran:
-        cost, its = (float(np.mean([r.seconds for r in ran[name]])) for name in ("judge", NETWORK))
+        cost, its = (float(np.mean([r.seconds for r in ran[name]])) for name in (JUDGE, NETWORK))
         measured = f"{cost / its:.2f}x ({cost:.2f} of {its:.2f} s)"
         report.figure(f"{about}: processor of the judge over {NETWORK}'s", "<= 0.2x", measured)
 
@@ -263,14 +153,14 @@ def arguments(line: Sequence[str]) -> dict[str, str]:
 
 def compare(given: dict[str, str]) -> None:
     report = Report("peers", "")
-    who = peers(given, report)
+    judge = load_judge(find(given["judge"]))
+    who = peers(judge, given, report)
     config = SimpleNamespace(
         objects=given["objects"], unit="auto", category="manifest", skip_bad=False, workers=2, hand=who.hand,
         collision=settings(CollisionConfig),
     )  # fmt: skip
     objects = read_objects(config, Stages()).objects
-    taught = set(load_judge(find(given["judge"])).taught.values())
-    known = sum(obj.digest in taught for obj in objects)
+    known = sum(obj.digest in set(judge.taught.values()) for obj in objects)
     hand, place, seeds = who.hand.name, given["place"], list(map(int, given["seeds"].split(",")))
     report.about = (
         f"{hand}, {len(objects)} objects ({known} of them taught the judge), {place}, sensing seeds {given['seeds']}."

@@ -7,9 +7,9 @@ Its PyTorch port comes as a wheel with weights (cgn-pytorch, 30 MB), but wants v
     CGN/bin/pip install importlib_resources meshcat
     CGN/bin/pip install --no-deps cgn-pytorch==0.4.3
 
-and `peers.py ... cgn=CGN/bin/python` calls it (`cgn_worker`), with files between the two. Its input is raw points of the
-noisy depth images that ours sees, the table among them, cut to a cube of twice the object's size about it; contacts are
-chosen on the object. So it was trained, and of the inputs that were tried it does best with this one.
+and `peers.py ... cgn=CGN/bin/python` calls it (`cgn_worker`), with files between the two. Its input is raw points of
+the noisy depth images that ours sees, the table among them, cut to a cube of twice the object's size about it; contacts
+are chosen on the object. Of the inputs that were tried it does best with this one.
 """
 
 from __future__ import annotations
