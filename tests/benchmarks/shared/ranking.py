@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -83,10 +84,14 @@ def peers(judge: Judge, given: dict[str, str], report: Report) -> Peers:
 
 
 def at_random(search: Search, cloud: Cloud) -> Ranked:
-    """Free hypotheses, those that the judge gets, in random order."""
+    """Free hypotheses, those that the judge gets, in an order drawn for this cloud.
+
+    One seed for all would try the same indices everywhere, which are of the same type and depth.
+    """
     found = search.hypotheses(cloud.seen.texlets, cloud.around)
     found = found.at(in_images(cloud.seen, found, search))
-    order = torch.randperm(len(found), generator=torch.Generator().manual_seed(0))
+    seed = zlib.crc32(cloud.seen.texlets.positions.numpy().tobytes())
+    order = torch.randperm(len(found), generator=torch.Generator().manual_seed(seed))
     return Ranked(found.at(order), torch.zeros(len(found)))
 
 
