@@ -164,6 +164,16 @@ class Clearance:
             free[of_type] = height + lowest >= self.plane_clearance
         return free
 
+    def least_height(self, plane: Plane, T_object_tcp: Tensor, kind: str, retreat: float = 0.0) -> Tensor:
+        """(G,) m along the plane's normal at which a TCP is just high enough, of hands turned as T (G, 4, 4).
+
+        As in `free_of_plane`, for hands that stand at many places.
+        """
+        normal, corners = plane.normal.to(T_object_tcp), self.corners[kind].to(T_object_tcp)
+        lowest = (normal @ se3.rotation_of(T_object_tcp) @ corners.T).amin(1)
+        rise = (T_object_tcp[:, :3, 2] @ normal).clamp(min=0.0)
+        return self.plane_clearance + plane.offset + retreat * rise - lowest
+
 
 def half_opening(volume: HandVolume) -> float:
     """m from the TCP to the nearest piece of the open hand along the closing axis."""
