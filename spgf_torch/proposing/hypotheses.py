@@ -17,17 +17,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.affordance.sensed_collision import HandVolume
 from spgf_torch.config import GRASP_TYPES, HypothesesConfig
 from spgf_torch.geometry import se3
 from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.hand_geometry import ClosingRegion, HandGeometry, hand_geometry
-from spgf_torch.proposing.pushing import Things, deepest_free, extents
+from spgf_torch.proposing.pushing import Pieces, deepest_free, extents, pieces_of
 from spgf_torch.proposing.spreading import spread_order
 from spgf_torch.sensing.texlets import Texlets
 
@@ -74,6 +74,12 @@ class Search:
     @staticmethod
     def of(clearance: Clearance, config: HypothesesConfig) -> Search:
         return Search(clearance, config, hand_geometry(clearance.volumes, config))
+
+    @cached_property
+    def pieces(self) -> tuple[tuple[Pieces, Pieces], ...]:
+        """Of each grasp type, what may not touch texlets, and what obstacles."""
+        kinds = ((self.clearance.volumes[kind], self.clearance.swollen[kind]) for kind in GRASP_TYPES)
+        return tuple((pieces_of(volume), pieces_of(swollen)) for volume, swollen in kinds)
 
     def hypotheses(self, texlets: Texlets, around: Surroundings) -> Hypotheses:
         """Free poses about the texlets, at most `config.hypotheses`; from below only where there are no others."""
@@ -137,22 +143,14 @@ class Search:
             least = self.clearance.least_height(around.table, T, kind, around.retreat)
             possible &= where @ around.table.normal >= least[:, None, None]
         kept = torch.zeros_like(possible)
-        things = (
-            self._things(positions, self.clearance.volumes[kind]),
-            self._things(around.obstacles, self.clearance.swollen[kind]),
+        things = tuple(
+            (points.float().T.contiguous().numpy(), pieces)
+            for points, pieces in zip((positions, around.obstacles), self.pieces[code], strict=True)
         )
         arrays = (part.contiguous().numpy() for part in (T, where, possible))
         deepest_free(*arrays, self.config.back, things, kept.numpy())
         frame, k, place = kept.nonzero(as_tuple=True)
         return moved(T[frame], depths[k], shift[frame, k, place])
-
-    @staticmethod
-    def _things(points: Tensor, volume: HandVolume) -> Things:
-        """What a volume may not touch, as `deepest_free` wants it."""
-        bounds, planes = torch.stack([volume.low, volume.high]), torch.cat(volume.planes)
-        ends = np.cumsum([len(piece) for piece in volume.planes])
-        columns = points.float().T.contiguous().numpy()
-        return columns, bounds.double().cpu().numpy(), planes.double().cpu().numpy(), ends
 
 
 def frames(positions: Tensor, normals: Tensor, config: HypothesesConfig) -> Tensor:

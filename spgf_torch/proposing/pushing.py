@@ -7,22 +7,44 @@ hand's frame, with room for rounding.
 from __future__ import annotations
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
+from spgf_torch.affordance.sensed_collision import HandVolume
 from spgf_torch.compiled import compiled
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ids = NDArray[np.int64]
-# Points as columns (3, N), and a volume of convex pieces: bounds (2, 3), planes (F, 4), where each piece's planes end.
-Things = tuple[Floats, Doubles, Doubles, Ids]
-# Those of the points that a volume may touch near one pose: coordinates (3, N) in its frame, indices (N,), and (2,) how
-# many, -1 before they are looked for, and which of them was touched last.
+# Convex pieces: bounds (2, 3), planes (F, 4), where each piece's planes end, and cells (X, Y, Z) that they may reach
+# into, of which the outermost are empty.
+Pieces = tuple[Doubles, Doubles, Ids, Bools]
+# Points as columns (3, N), and what may not touch them.
+Things = tuple[Floats, Pieces]
+# Those of the points that a volume may touch near one pose: coordinates (3, N) in its frame, in cells; indices (N,);
+# and (2,) how many, -1 before they are looked for, and which of them was touched last.
 Near = tuple[Floats, Ids, Ids]
 
 # m; by so much a point's f32 coordinates in a hand's frame may be off.
 ROOM = 1e-4
+# m; side of the cells.
+CELL = 0.004
+SCALE = np.float32(1 / CELL)
+
+
+def pieces_of(volume: HandVolume) -> Pieces:
+    """A volume as the loops below take it."""
+    bounds = torch.stack([volume.low, volume.high]).double().cpu().numpy()
+    shape = np.ceil((bounds[1] - bounds[0] + 2 * ROOM) / CELL).astype(int)
+    middles = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1) + 0.5
+    middles = (bounds[0] - ROOM + CELL * middles).reshape(-1, 3)
+    cells = np.zeros(len(middles), np.bool_)
+    each = [piece.double().cpu().numpy() for piece in volume.planes]
+    for planes in each:
+        size = np.abs(planes[:, :3]).sum(axis=1) * (CELL / 2 + 2 * ROOM)
+        cells |= (middles @ planes[:, :3].T <= planes[:, 3] + size).all(axis=1)
+    return bounds, np.concatenate(each), np.cumsum([len(planes) for planes in each]), np.pad(cells.reshape(shape), 1)
 
 
 @compiled
@@ -31,14 +53,18 @@ def extents(at: Floats, edges: Floats, first: Floats, last: Floats, low: Floats,
 
     Those with |x| and |y| below edges (2,), and z between first[k] and last[k] (D,).
     """
+    on = np.empty(at.shape[2], np.int64)
     for f in range(len(at)):
         x, y, z = at[f, 0], at[f, 1], at[f, 2]
-        for i in range(len(x)):
-            if abs(y[i]) < edges[1] and abs(x[i]) < edges[0]:
-                for k in range(len(first)):
-                    if z[i] > first[k] and z[i] < last[k]:
-                        low[f, k], high[f, k] = min(low[f, k], x[i]), max(high[f, k], x[i])
-                        count[f, k] += 1
+        between = 0
+        for i in range(len(x)):  # without a branch, which would be guessed wrong half of the time
+            on[between] = i
+            between += (abs(y[i]) < edges[1]) & (abs(x[i]) < edges[0])
+        for i in on[:between]:
+            for k in range(len(first)):
+                if z[i] > first[k] and z[i] < last[k]:
+                    low[f, k], high[f, k] = min(low[f, k], x[i]), max(high[f, k], x[i])
+                    count[f, k] += 1
 
 
 @compiled
@@ -107,38 +133,48 @@ def free_at(
 @compiled
 def gather(pose: Floats, box: Doubles, things: Things, near: Near) -> None:
     """Those that the volume may touch at places within the box (2, 3) about the pose, in its axes."""
-    columns, bounds, _, _ = things
+    columns, (bounds, _, _, _) = things
     coordinates, ids, state = near
     low, high = np.empty(3, np.float32), np.empty(3, np.float32)
     for axis in range(3):
         low[axis], high[axis] = bounds[0, axis] + box[0, axis] - ROOM, bounds[1, axis] + box[1, axis] + ROOM
+    x, y, z = coordinates
+    a, b, c = columns
+    for axis in range(3):
+        along = coordinates[axis]
+        r0, r1, r2 = pose[0, axis], pose[1, axis], pose[2, axis]
+        t0, t1, t2 = pose[0, 3], pose[1, 3], pose[2, 3]
+        for i in range(len(a)):
+            along[i] = r0 * (a[i] - t0) + r1 * (b[i] - t1) + r2 * (c[i] - t2)
     count = 0
-    for i in range(columns.shape[1]):
-        a, b, c = columns[0, i] - pose[0, 3], columns[1, i] - pose[1, 3], columns[2, i] - pose[2, 3]
-        y = pose[0, 1] * a + pose[1, 1] * b + pose[2, 1] * c
-        z = pose[0, 2] * a + pose[1, 2] * b + pose[2, 2] * c
-        x = pose[0, 0] * a + pose[1, 0] * b + pose[2, 0] * c
-        if y > low[1] and y < high[1] and z > low[2] and z < high[2] and x > low[0] and x < high[0]:
-            coordinates[0, count], coordinates[1, count], coordinates[2, count], ids[count] = x, y, z, i
-            count += 1
+    for i in range(len(a)):
+        x0, y0, z0 = x[i], y[i], z[i]
+        x[count], y[count], z[count], ids[count] = x0 * SCALE, y0 * SCALE, z0 * SCALE, i
+        count += (
+            (x0 > low[0]) & (x0 < high[0]) & (y0 > low[1]) & (y0 < high[1]) & (z0 > low[2]) & (z0 < high[2])
+        )  # without a branch, which would be guessed wrong half of the time
     state[0], state[1] = count, 0
 
 
 @compiled
 def touching(pose: Floats, place: Floats, offset: Doubles, things: Things, near: Near) -> bool:
     """Whether the volume touches one of those near; looked for from the one that it touched last: it often still is."""
-    columns, bounds, planes, end = things
+    columns, (bounds, planes, end, cells) = things
     coordinates, ids, state = near
-    x0, x1 = bounds[0, 0] + offset[0] - ROOM, bounds[1, 0] + offset[0] + ROOM
-    y0, y1 = bounds[0, 1] + offset[1] - ROOM, bounds[1, 1] + offset[1] + ROOM
-    z0, z1 = bounds[0, 2] + offset[2] - ROOM, bounds[1, 2] + offset[2] + ROOM
+    x0 = np.float32((bounds[0, 0] + offset[0] - ROOM) / CELL - 1)
+    y0 = np.float32((bounds[0, 1] + offset[1] - ROOM) / CELL - 1)
+    z0 = np.float32((bounds[0, 2] + offset[2] - ROOM) / CELL - 1)
+    x1, y1, z1 = np.float32(cells.shape[0] - 1), np.float32(cells.shape[1] - 1), np.float32(cells.shape[2] - 1)
+    nothing = np.float32(0)
     m = state[1]
     for _ in range(state[0]):
-        x, y, z = coordinates[0, m], coordinates[1, m], coordinates[2, m]
-        if z > z0 and z < z1 and x > x0 and x < x1 and y > y0 and y < y1:
-            if inside(pose, place, columns[:, ids[m]], bounds, planes, end):
-                state[1] = m
-                return True
+        x = min(max(coordinates[0, m] - x0, nothing), x1)
+        y = min(max(coordinates[1, m] - y0, nothing), y1)
+        z = min(max(coordinates[2, m] - z0, nothing), z1)
+        maybe = cells[np.uint32(x), np.uint32(y), np.uint32(z)]
+        if maybe and inside(pose, place, columns[:, ids[m]], bounds, planes, end):
+            state[1] = m
+            return True
         m = m + 1 if m + 1 < state[0] else 0
     return False
 
