@@ -143,12 +143,10 @@ class Search:
             least = self.clearance.least_height(around.table, T, kind, around.retreat)
             possible &= where @ around.table.normal >= least[:, None, None]
         kept = torch.zeros_like(possible)
-        things = tuple(
-            (points.float().T.contiguous().numpy(), pieces)
-            for points, pieces in zip((positions, around.obstacles), self.pieces[code], strict=True)
-        )
-        arrays = (part.contiguous().numpy() for part in (T, where, possible))
-        deepest_free(*arrays, self.config.back, things, kept.numpy())
+        sensed, others = (part.float().T.contiguous().numpy() for part in (positions, around.obstacles))
+        things = ((sensed, self.pieces[code][0]), (others, self.pieces[code][1]))
+        poses = T.contiguous().numpy(), where.contiguous().numpy(), possible.contiguous().numpy()
+        deepest_free(*poses, self.config.back, things, kept.numpy())
         frame, k, place = kept.nonzero(as_tuple=True)
         return moved(T[frame], depths[k], shift[frame, k, place])
 

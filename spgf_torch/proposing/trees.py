@@ -35,8 +35,8 @@ class Trees:
         """(G,) f64 for numbers (G, D)."""
         x = numbers.double().contiguous()
         values = torch.empty(len(x), len(self.root), dtype=torch.float64)
-        arrays = (self.root, self.feature, self.threshold, self.left, self.right, self.value)
-        descend(x.numpy(), *(part.numpy() for part in arrays), values.numpy())
+        split = self.feature.numpy(), self.threshold.numpy(), self.left.numpy(), self.right.numpy()
+        descend(x.numpy(), self.root.numpy(), *split, self.value.numpy(), values.numpy())
         return values.sum(1) + self.baseline
 
     def check(self, width: int) -> None:

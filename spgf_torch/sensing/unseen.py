@@ -83,10 +83,11 @@ def behind_at(T: Tensor, points: Tensor, views: Sequence[DepthView], enough: flo
     that small, it need not be the least. Infinity: where one image shows the place, the others are not asked.
     """
     least = torch.full((len(T), len(points)), torch.inf)
+    poses, body = T.contiguous().numpy(), points.contiguous().numpy()
     for view in views:
         camera = np.concatenate([view.rotation.T, view.K @ view.rotation.T]).astype(np.float64)
-        arrays = (part.contiguous().numpy() for part in (T, points, view.eye, view.depth))
-        project(*arrays, camera, np.float32(enough), least.numpy())
+        image = view.eye.numpy(), view.depth.contiguous().numpy(), camera
+        project(poses, body, *image, np.float32(enough), least.numpy())
     return least
 
 
@@ -97,7 +98,7 @@ def project(
     eye: np.ndarray,
     depth: np.ndarray,
     camera: np.ndarray,
-    enough: float,
+    enough: np.float32,
     least: np.ndarray,
 ) -> None:
     """Lower `least` (G, I) to the depths of points (I, 3) at poses (G, 4, 4) behind the surface in an image (H, W).

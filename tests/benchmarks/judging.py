@@ -14,6 +14,7 @@ import spgf_torch  # noqa: F401  # before torch: it sets how its threads wait
 import sys
 import time
 from collections import defaultdict
+from itertools import pairwise
 from types import SimpleNamespace
 
 import torch
@@ -48,7 +49,7 @@ def stages(judge: Judge, search: Search, config: ProposingConfig, cloud: Cloud) 
     best_of(hypotheses, factors.prod(1).float(), config, factors)
     clock.append(time.process_time())
     names = ("hypotheses", "in_images", "numbers", "judge", "best_of")
-    return {name: end - start for name, start, end in zip(names, clock, clock[1:], strict=True)}
+    return {name: end - start for name, (start, end) in zip(names, pairwise(clock), strict=True)}
 
 
 def main() -> None:
