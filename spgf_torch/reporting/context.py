@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from spgf_torch.config import InputError, ReportConfig
+from spgf_torch.config import JUDGE, InputError, ReportConfig
 from spgf_torch.reporting.page import Section
 from spgf_torch.reporting.runs import Run, Tell
 from spgf_torch.reporting.sweep import NOMINAL_K, Sweep
@@ -53,9 +53,12 @@ def best_run(runs: tuple[Run, ...], ranking: str) -> Run:
 
 
 def _rankings(config: ReportConfig, sweep: Sweep, tell: Tell) -> tuple[str, ...]:
-    """Those that any run has, the shown one first; another one is shown where none has it."""
+    """Those that any run has, the shown one first; another one is shown where none has it.
+
+    `judge` joins where a run has it: only those that were asked for do.
+    """
     known = dict.fromkeys(name for run in sweep.runs for name in run.by_ranking)
-    wanted = dict.fromkeys([config.ranking, *config.rankings])
+    wanted = dict.fromkeys([config.ranking, *config.rankings, *(name for name in known if name == JUDGE)])
     present = tuple(name for name in wanted if name in known) or tuple(known)
     if not present:
         raise InputError(f"runs: expected rates by the ranking {config.ranking}, got none by any")
