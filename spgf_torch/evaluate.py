@@ -56,7 +56,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     objects, start = found.objects, time.perf_counter()
     judge = _judge(config)
     known = _known(objects, meets(objects[0]).model, judge, config)
-    for line in known_lines(known, judge, len(objects)):
+    for line in (doubts := known_lines(known, judge, len(objects))):
         show(line)
     restored = [meets(obj) for obj in objects]
     if config.candidates == "proposed":
@@ -73,11 +73,9 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     failures = failures_picture(objects, grasps, executed, config.hand.openings)
     if failures:
         write_bytes(folder / "failures.png", failures)
-    show(executed_table(results))
-    for line in known_lines(known, judge, len(objects)):  # again, below rates that it is about
-        show(line)
     pictured = "failures.png shows the CG grasps that failed" if failures else "no CG grasp failed: no picture"
-    show(f"results and settings in {folder}; {pictured}")
+    for content in (executed_table(results), *doubts, f"results and settings in {folder}; {pictured}"):
+        show(content)
 
 
 def _check_judge(config: EvaluateConfig) -> None:
@@ -88,8 +86,8 @@ def _check_judge(config: EvaluateConfig) -> None:
             raise InputError(f"{key}: expected with candidates=proposed, got {config.candidates}")
     if config.judge is not None and config.held_out:
         raise InputError(
-            "held_out: expected false with judge=, got true: one judge has no folds; how it does on objects that it has "
-            "not seen is in its README.md, and train ranking=judge cross-validates judges on candidates"
+            "held_out: expected false with judge=, got true: one judge has no folds; how it does on objects that it "
+            "has not seen is in its README.md, and train ranking=judge cross-validates judges on candidates"
         )
 
 

@@ -1,4 +1,7 @@
-"""`python -m spgf_torch.train +K=20`: the experiment of the paper, and a model learned on all objects."""
+"""`python -m spgf_torch.train +K=20`: the experiment of the paper, and a model learned on all objects.
+
+`ranking=judge` has candidates ranked by a learned judge, too (`judging.candidates`), cross-validated like the votes.
+"""
 
 from __future__ import annotations
 

@@ -22,12 +22,16 @@ if TYPE_CHECKING:
 Block = Mapping[str, Mapping[str, float]]
 
 
-def results_table(results: Mapping[str, Any], rankings: Sequence[str] = ("paper", NESTED, JUDGE)) -> Table:
-    """Table 1 for this K, in percent: the paper's rate, ours by rankings with 95 % intervals, chance, ceiling.
+def results_table(results: Mapping[str, Any], rankings: Sequence[str] | None = None) -> Table:
+    """Table 1 for this K, in percent: the paper's rate, ours by two rankings with 95 % intervals, chance, ceiling.
 
-    A row a class that occurs and type, so that it fits 80 columns. Of the rankings those that the run has.
+    A row a class that occurs and type, so that it fits 80 columns.
+
+    Args:
+        rankings: at most two; None: `paper` and `nested`, or where a judge ranked `nested` and `judge`.
     """
-    K, rankings = results["K"], [name for name in rankings if name in results["by_ranking"]]
+    K = results["K"]
+    rankings = rankings or ((NESTED, JUDGE) if JUDGE in results["by_ranking"] else ("paper", NESTED))
     table = Table(
         title=f"Success-rate (%) of the {results['N']} highest-ranked grasps on novel objects, K = {K}",
         caption="(low-high): 95 % interval over objects. free: candidates without a sensed collision.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from spgf_torch.config import JUDGE, InputError, ReportConfig
@@ -44,6 +45,18 @@ def choose(config: ReportConfig, sweep: Sweep, tell: Tell) -> Context:
             told = ", ".join(f"K = {run.K}" for run in lacking)
             tell(f"no rates by the ranking {ranking}: {told}; left out of its rows")
     return Context(config, sweep, rankings[0], rankings, _shown(config, sweep, rankings[0]), tell)
+
+
+def tell_replaced(runs: Sequence[Run], sweep: Sweep, tell: Tell) -> None:
+    """A line about runs with the ranking `judge` for which newer ones of the same settings stand that lack it."""
+    used = {run.folder for run in (*sweep.runs, *(variant.run for variant in sweep.variants))}
+    for run in runs:
+        if JUDGE in run.by_ranking and run.folder not in used:
+            newer = [other for other in (*sweep.runs, *(v.run for v in sweep.variants)) if other.K == run.K]
+            if not any(JUDGE in other.by_ranking for other in newer):
+                tell(
+                    f"no ranking {JUDGE} of K = {run.K}: {run.folder.name} has it, a newer run of its settings has not"
+                )
 
 
 def best_run(runs: tuple[Run, ...], ranking: str) -> Run:
