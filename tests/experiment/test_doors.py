@@ -141,6 +141,7 @@ def test_a_judge_joins_the_rankings(
     monkeypatch.chdir(small)
     Path("judged").mkdir()
     asked = [*TINY, "ranking=judge", "final_model=false", "objects=objects", "trials=trials"]
+    Path("judged/config.yaml").write_text(yaml.safe_dump(composed("train", *asked)))
     train(typed(TrainConfig, composed("train", *asked)), Path("judged"))
     first, second = (json.loads((Path(run) / "results.json").read_text()) for run in ("outputs/train/latest", "judged"))
     judged = second["by_ranking"].pop("judge")
