@@ -21,7 +21,6 @@ from spgf_torch.config import EvaluateConfig, InputError, PredictConfig, Sensing
 from spgf_torch.evaluate import _known, known_lines
 from spgf_torch.evaluate import run as evaluate
 from spgf_torch.exporting.grasps_json import read_grasps
-from spgf_torch.objects.library import load_objects
 from spgf_torch.predict import run as predict
 from spgf_torch.proposing.judged import JudgedProposer
 from spgf_torch.scene.scene import Scene
@@ -140,7 +139,7 @@ def test_evaluate_executes_what_the_judge_ranks(place: Path, monkeypatch: pytest
 
 def test_rates_on_objects_that_taught_the_judge_are_told_to_be_none_of_novel_ones() -> None:
     """The model's own objects do not matter where the judge ranks."""
-    egg, box = (obj for obj in load_objects(ROOT / "data/objects") if obj.name in ("egg", "box_tea"))
+    egg, box = SimpleNamespace(digest="an egg's"), SimpleNamespace(digest="a box's")
     judge, model = quick_judge(taught={"another name": egg.digest}), SimpleNamespace(settings={"taught": {}})
     config = typed(EvaluateConfig, composed("evaluate", "objects=scans"))
     assert _known([egg, box], model, judge, config) == 1 and _known([box], model, judge, config) == 0  # type: ignore[arg-type]
