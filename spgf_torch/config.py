@@ -25,6 +25,8 @@ DESCRIPTORS = ("spgf", "fpfh", "patch_pairs")
 RANKINGS = ("paper", "log_odds", "log_odds_free", "calibrated")
 # The one of these that cross-validation inside the training folds chose, in each fold anew.
 NESTED = "nested"
+# A learned judge's probability (judging/candidates.py), where it is asked for.
+JUDGE = "judge"
 
 T = TypeVar("T")
 
@@ -349,7 +351,7 @@ class TrainConfig(ObjectsConfig):
     N: int = bounded(1, 1000)
     folds: int = bounded(2, 50)
     seed: int = bounded(0, 2**31 - 1)
-    ranking: str = choice(*RANKINGS, NESTED)
+    ranking: str = choice(*RANKINGS, NESTED, JUDGE)
     inner_grasps: int = bounded(10, 1_000_000)
     trials_per_object: int = bounded(1, 1_000_000)
     training_objects: int = bounded(2, 1_000_000)
@@ -466,7 +468,7 @@ class ReportConfig:
     """`python -m spgf_torch.report`: Table 1, figures and a page from runs of train."""
 
     runs: Any = text()
-    ranking: str = choice("nested", "paper", "log_odds", "log_odds_free", "calibrated")
+    ranking: str = choice(NESTED, *RANKINGS, JUDGE)
     rankings: list[str] = field(default_factory=list)
     show: int | None = field(default=None)
     objects: int = bounded(1, 100)

@@ -2,7 +2,9 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from omegaconf import OmegaConf
 
 import spgf_torch
 from spgf_torch.config import EvaluateConfig, InputError, PredictConfig, SensingConfig, settings, typed
+from spgf_torch.evaluate import _known, known_lines
 from spgf_torch.evaluate import run as evaluate
 from spgf_torch.exporting.grasps_json import read_grasps
 from spgf_torch.predict import run as predict
@@ -126,11 +129,25 @@ def test_evaluate_executes_what_the_judge_ranks(place: Path, monkeypatch: pytest
     Path("judged").mkdir()
     evaluate(typed(EvaluateConfig, composed("evaluate", *few, "judge=judge", "table=true")), Path("judged"))
     found = json.loads(Path("judged/results.json").read_text())["judged"]
+    assert json.loads(Path("judged/results.json").read_text())["learned_from"] == 0
     assert found["judge"] == "judge" and found["table"] and 0 <= found["top_N"] <= 1 and 0 <= found["ece"] <= 1
     Path("votes").mkdir()
     evaluate(typed(EvaluateConfig, composed("evaluate", *few, "table=true")), Path("votes"))
     results = json.loads(Path("votes/results.json").read_text())
     assert results["judged"]["judge"] is None and "ece" not in results["judged"]
+
+
+def test_rates_on_objects_that_taught_the_judge_are_told_to_be_none_of_novel_ones() -> None:
+    """The model's own objects do not matter where the judge ranks."""
+    egg, box = SimpleNamespace(digest="an egg's"), SimpleNamespace(digest="a box's")
+    judge, model = quick_judge(taught={"another name": egg.digest}), SimpleNamespace(settings={"taught": {}})
+    config = typed(EvaluateConfig, composed("evaluate", "objects=scans"))
+    assert _known([egg, box], model, judge, config) == 1 and _known([box], model, judge, config) == 0  # type: ignore[arg-type]
+    line = known_lines(1, judge, 2)[0]
+    assert line.startswith("not novel: the judge learned from 1 of these 2 objects") and known_lines(0, judge, 2) == []
+    model.settings = {"taught": {"box_tea": box.digest}}
+    assert _known([egg, box], model, None, config) == 1 and "held_out=true" in known_lines(1, None, 2)[0]  # type: ignore[arg-type]
+    assert _known([egg, box], model, None, replace(config, held_out=True)) == 0  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -139,7 +156,7 @@ def test_evaluate_executes_what_the_judge_ranks(place: Path, monkeypatch: pytest
         ("evaluate", ["judge=nowhere"], ["judge", "nowhere", "judge.json"]),
         ("evaluate", ["judge=judge", "candidates=sampled"], ["judge", "candidates=proposed"]),
         ("evaluate", ["table=true", "candidates=sampled"], ["table", "candidates=proposed"]),
-        ("evaluate", ["judge=judge", "held_out=true"], ["judge", "held_out=false"]),
+        ("evaluate", ["judge=judge", "held_out=true"], ["judge=", "held_out", "README.md"]),
         ("evaluate", ["judge=panda"], ["judge", "sdh2", "panda", "python -m spgf_torch.judge hand=sdh2"]),
         ("predict", ["judge=nowhere"], ["judge", "nowhere"]),
         ("predict", ["judge=panda"], ["judge", "the model's hand", "panda"]),
