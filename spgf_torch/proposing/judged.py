@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.config import ProposingConfig
+from spgf_torch.proposing.borders import clear_of_borders
 from spgf_torch.proposing.clearance import Surroundings
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
@@ -66,6 +67,9 @@ def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, ar
     """The most probable grasps, no two of which are the same, at most `config.count` of each type."""
     hypotheses = search.hypotheses(seen.texlets, around)
     hypotheses = hypotheses.at(in_images(seen, hypotheses, search))
+    regions = [hand.region for hand in search.hands]
+    clear = clear_of_borders(around.borders, hypotheses.T, hypotheses.grasp_type, regions)
+    hypotheses = hypotheses.at(clear)
     numbers = judge_features(seen, hypotheses, search)
     factors = torch.stack(judge.both(numbers, images=bool(seen.views)), dim=1)
     return best_of(hypotheses, factors.prod(1).float(), config, factors)

@@ -31,7 +31,9 @@ from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, Prop
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.features.interface import LocalFeatures
 from spgf_torch.geometry import se3
+from spgf_torch.proposing.borders import clear_of_borders
 from spgf_torch.proposing.clearance import Clearance, Surroundings
+from spgf_torch.proposing.hand_geometry import ClosingRegion, closing_region
 from spgf_torch.proposing.shortlist import Shortlist, shortlist
 from spgf_torch.proposing.spreading import spread_order, suppress
 from spgf_torch.prototypes.kmeans import assign
@@ -138,6 +140,11 @@ class Proposer:
         return point_gains(self.model.condensed, self.affordance)
 
     @cached_property
+    def regions(self) -> tuple[ClosingRegion, ...]:
+        """What the pads of each grasp type sweep."""
+        return tuple(closing_region(self.clearance.volumes[kind]) for kind in GRASP_TYPES)
+
+    @cached_property
     def moves(self) -> Tensor:
         """(rounds, moves, 4, 4) f32: small random displacements, the same for every grasp and every object."""
         config, generator = self.config, torch.Generator().manual_seed(0)
@@ -192,6 +199,7 @@ class Proposer:
         pool = pool.at(self.clearance.free_of_points(few, pool.T, pool.grasp_type).nonzero()[:, 0])
         pool = pool.at(self.clearance.closes_on_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])
         pool = pool.at(self.clearance.free_of_obstacles(around.obstacles, pool.T, pool.grasp_type).nonzero()[:, 0])
+        pool = pool.at(clear_of_borders(around.borders, pool.T, pool.grasp_type, self.regions).nonzero()[:, 0])
         pool = pool.at(suppress(pool.T, pool.grasp_type, pool.score, config.merge_distance, config.merge_deg))
         pool = pool.at(pool.best_of_each_type(config.survivors))
         pool = pool.at(self.clearance.free_of_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])
@@ -215,6 +223,7 @@ class Proposer:
         free &= self.clearance.closes_on_points(points, T[better], grasp_type[better])
         free &= self.clearance.free_of_obstacles(around.obstacles, T[better], grasp_type[better])
         free &= self.above(T[better], grasp_type[better], around)
+        free &= clear_of_borders(around.borders, T[better], grasp_type[better], self.regions)
         gained = torch.full_like(score, -math.inf)
         gained[better[free]] = score[better[free]]
         top = gained.view(len(best), len(moves)).max(dim=1)
