@@ -190,6 +190,8 @@ class Proposer:
         config, proposing = self.config, voters.first(self.config.proposing_features)
         T, grasp_type = self.shortlist.hypotheses(proposing.T_object_feature, proposing.prototype)
         possible = self.above(T, grasp_type, around).nonzero()[:, 0]
+        at = T[possible], grasp_type[possible]
+        possible = possible[clear_of_borders(around.borders, *at, self.regions)]
         sparse = around.sparse(config.coarse_cell)
         possible = possible[self.clearance.free_of_points(sparse, T[possible], grasp_type[possible])]
         T, grasp_type = T[possible], grasp_type[possible]
@@ -199,7 +201,6 @@ class Proposer:
         pool = pool.at(self.clearance.free_of_points(few, pool.T, pool.grasp_type).nonzero()[:, 0])
         pool = pool.at(self.clearance.closes_on_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])
         pool = pool.at(self.clearance.free_of_obstacles(around.obstacles, pool.T, pool.grasp_type).nonzero()[:, 0])
-        pool = pool.at(clear_of_borders(around.borders, pool.T, pool.grasp_type, self.regions).nonzero()[:, 0])
         pool = pool.at(suppress(pool.T, pool.grasp_type, pool.score, config.merge_distance, config.merge_deg))
         pool = pool.at(pool.best_of_each_type(config.survivors))
         pool = pool.at(self.clearance.free_of_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])

@@ -1,8 +1,7 @@
-"""Which texlets lie where a border of the image, of a mask, of a crop box or of the cloud cuts their surface.
+"""Which texlets lie where a border of the image, of a mask, of a crop box or of the cloud cuts what was looked at.
 
-Three signs: in some direction along the surface no image shows what follows; a straight outline of the whole cloud is
-near; or what follows was seen, as part of something that is no target, without a step in depth. In the first two nobody
-knows what follows, so the surface counts as cut for some way before the border as well.
+Three signs: the borders of all images are near; a straight outline of the whole cloud is near; or the surface was seen
+to go on, in something that is no target, without a step in depth. In the first two nobody knows what follows.
 """
 
 from __future__ import annotations
@@ -11,17 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from spgf_torch.sensing.texlets import Texlets
-from spgf_torch.sensing.unseen import DepthView, behind
+from spgf_torch.sensing.unseen import DepthView
 
-# Texlet spacings to a border within which a texlet lies on it; a texlet is a mean of points around it.
-_NEAR = 2.0
-# Directions along the surface that are looked into.
-_DIRECTIONS = 8
 # A surface goes on where it leaves its plane by no more than this share of the distance and so many m: of a ball of
 # 4 cm 12 mm further on 1.8 mm, and the noise of a depth camera.
 _SLOPE, _NOISE = 0.15, 0.003
@@ -29,12 +22,9 @@ _SLOPE, _NOISE = 0.15, 0.003
 _FIRST, _LAST = 0.008, 0.015
 # Points of it that are no chance.
 _SOME = 3
-# Cosine of two texlets' normals, below which a surface bends too much to be one.
-_BENT = 0.7
-# Component of a plane's normal along the surface, below which the surface runs along the border, not into it.
-_ALONG = 0.3
-# Cosine with which a texlet faces over a border, and the share of texlets there from which on it is a true edge.
-_FACES, _EDGE = 0.7, 0.33
+# Texlet spacings to a straight outline within which texlets tell whether it is a true edge: so it is where more than
+# this share faces over it, by this cosine.
+_NEAR, _FACES, _EDGE = 2.0, 0.7, 0.33
 
 
 def cut_borders(
@@ -42,61 +32,48 @@ def cut_borders(
 ) -> torch.Tensor:
     """(N, 3) f32 of each texlet the unit vector along its surface over the border that cuts it; NaN: there is none.
 
-    A zero vector: in all directions.
+    A zero vector: a border is near beyond which nobody has looked.
 
     Args:
         others: (M, 3) m, sensed points that are of no target or of others. views: () where there are no images.
         planes: (L, 4) of `outline.straight_borders`. spacing: m between texlets.
-        reach: m along the surface, as far from a border as it counts as cut where nobody knows what follows.
+        reach: m to a border beyond which nobody has looked, from where on it is near.
     """
     positions, normals = (t.double().numpy() for t in (texlets.positions, texlets.normals))
     beyond = np.full((len(positions), 3), np.nan)
-    if not len(positions):
-        return torch.from_numpy(beyond).float()
-    unknown = np.zeros_like(positions)
-    on = np.zeros(len(positions), bool)
-    for found, direction in (
-        _outside_images(texlets, views, _NEAR * spacing),
-        _at_planes(positions, normals, planes, _NEAR * spacing),
-    ):
-        unknown[found] += direction[found]
-        on |= found
-    if on.any():
-        home = _grown(positions, normals, on, spacing, reach)
-        beyond[home >= 0] = _unit(unknown)[home[home >= 0]]
-    goes_on, direction = _into_others(positions, normals, others)
-    seen = goes_on & (home < 0) if on.any() else goes_on
-    beyond[seen] = direction[seen]
+    if len(positions):
+        goes_on, direction = _into_others(positions, normals, others)
+        beyond[goes_on] = direction[goes_on]
+        beyond[_near_images_end(positions, views, reach)] = 0.0
+        beyond[_near_planes(positions, normals, planes, _NEAR * spacing, reach)] = 0.0
     return torch.from_numpy(beyond).float()
 
 
-def _outside_images(texlets: Texlets, views: Sequence[DepthView], away: float) -> tuple[np.ndarray, np.ndarray]:
-    """Which texlets (N,) have a place that no image shows `away` (m) along the surface; in which directions (N, 3)."""
-    if not views:
-        return np.zeros(len(texlets), bool), np.zeros((len(texlets), 3))
-    u, v = _tangents(texlets.normals.double().numpy())
-    angle = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    around = np.cos(angle)[:, None] * u[:, None] + np.sin(angle)[:, None] * v[:, None]
-    places = texlets.positions[:, None] + away * torch.from_numpy(around).float()
-    outside = behind(places, views).isinf().numpy()
-    return outside.any(axis=1), _unit((around * outside[..., None]).sum(axis=1))
+def _near_images_end(positions: np.ndarray, views: Sequence[DepthView], reach: float) -> np.ndarray:
+    """(N,) bool: less than `reach` (m, across the line of sight) from the border of every image, or in none."""
+    inside = np.full(len(positions), np.inf if not views else -np.inf)
+    for view in views:
+        K, rotation, eye = (part.double().numpy() for part in (view.K, view.rotation, view.eye))
+        local = (positions - eye) @ rotation
+        z = np.maximum(local[:, 2], 1e-6)
+        u, v = (local @ K.T)[:, :2].T / z
+        height, width = view.depth.shape
+        across = np.minimum(u + 0.5, width - 0.5 - u) / K[0, 0], np.minimum(v + 0.5, height - 0.5 - v) / K[1, 1]
+        inside = np.maximum(inside, np.where(local[:, 2] > 0, np.minimum(*across) * z, -np.inf))
+    return inside < reach
 
 
-def _at_planes(
-    positions: np.ndarray, normals: np.ndarray, planes: np.ndarray, near: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Which texlets (N,) lie within `near` (m) of a plane that cuts their surface; the directions over it (N, 3)."""
-    found, direction = np.zeros(len(positions), bool), np.zeros_like(positions)
+def _near_planes(
+    positions: np.ndarray, normals: np.ndarray, planes: np.ndarray, near: float, reach: float
+) -> np.ndarray:
+    """(N,) bool: less than `reach` (m) from a plane through a straight outline that is no true edge."""
+    found = np.zeros(len(positions), bool)
     for plane in planes:
-        close = positions @ plane[:3] + plane[3] > -near
-        facing = normals @ plane[:3]
-        if not close.any() or (facing[close] > _FACES).mean() > _EDGE:
-            continue
-        along = plane[:3] - facing[:, None] * normals
-        cut = close & (np.linalg.norm(along, axis=1) > _ALONG)
-        found |= cut
-        direction[cut] += along[cut]
-    return found, _unit(direction)
+        inside = -(positions @ plane[:3] + plane[3])
+        at = inside < near
+        if at.any() and (normals[at] @ plane[:3] > _FACES).mean() <= _EDGE:
+            found |= inside < reach
+    return found
 
 
 def _into_others(positions: np.ndarray, normals: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -108,39 +85,12 @@ def _into_others(positions: np.ndarray, normals: np.ndarray, others: np.ndarray)
         return found, direction
     away, nearest = cKDTree(positions).query(others, distance_upper_bound=_LAST)
     far = np.flatnonzero((away >= _FIRST) & np.isfinite(away))
-    home, step = nearest[far], others[far] - positions[nearest[far]]
-    flat = np.abs((step * normals[home]).sum(axis=1)) <= _SLOPE * away[far] + _NOISE
-    # Nothing but the surface lies between: a thing apart, however flush, is another.
+    home = nearest[far]
+    step = others[far] - positions[home]
+    off = (step * normals[home]).sum(axis=1)
+    # Where nothing of the surface lies between, it is another thing, however flush.
     joined = cKDTree(others).query(positions[home] + 0.6 * step, distance_upper_bound=_FIRST / 2)[0]
-    on = flat & np.isfinite(joined)
+    on = (np.abs(off) <= _SLOPE * away[far] + _NOISE) & np.isfinite(joined)
     found = np.bincount(home[on], minlength=len(positions)) >= _SOME
-    np.add.at(direction, home[on], step[on] - (step[on] * normals[home[on]]).sum(axis=1)[:, None] * normals[home[on]])
-    return found, _unit(direction)
-
-
-def _grown(positions: np.ndarray, normals: np.ndarray, on: np.ndarray, spacing: float, reach: float) -> np.ndarray:
-    """(N,) int: of each texlet the nearest along the surface of those `on` (N,) a border; -1 beyond reach, m."""
-    pairs = cKDTree(positions).query_pairs(_NEAR * spacing, output_type="ndarray")
-    i, j = pairs.T
-    step = positions[j] - positions[i]
-    length = np.linalg.norm(step, axis=1)
-    off = np.maximum(np.abs((step * normals[i]).sum(axis=1)), np.abs((step * normals[j]).sum(axis=1)))
-    smooth = ((normals[i] * normals[j]).sum(axis=1) > _BENT) & (off <= _SLOPE * length + _NOISE)
-    size = (len(positions),) * 2
-    graph = coo_array((length[smooth], (i[smooth], j[smooth])), size).tocsr()
-    away, _, source = dijkstra(
-        graph, directed=False, indices=np.flatnonzero(on), limit=reach, min_only=True, return_predecessors=True
-    )
-    return np.where(np.isfinite(away), source, -1)
-
-
-def _tangents(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors (N, 3) each across normals (N, 3)."""
-    helper = np.where(np.abs(normals[:, :1]) < 0.8, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    u = _unit(np.cross(normals, helper))
-    return u, np.cross(normals, u)
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (N, 3) of length 1; 0 stays 0."""
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)
+    np.add.at(direction, home[on], step[on] - off[on, None] * normals[home[on]])
+    return found, direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
