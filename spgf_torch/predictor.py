@@ -184,7 +184,8 @@ class Predictor:
             if proposals.judged is not None:
                 free, holds = proposals.judged[i].tolist()
                 judged = (free, holds)
-            found.append(replace(grasp, score=float(proposals.score[i]), judged=judged))
+            numbers = proposals.numbers[i] if proposals.numbers else None
+            found.append(replace(grasp, score=float(proposals.score[i]), judged=judged, numbers=numbers))
         return found
 
 

@@ -1,8 +1,8 @@
 """Where what was looked at ends, but the thing does not: borders of an image, a mask, a crop box. They are no edges.
 
-A surface that a border cuts looks like a sheet with an edge, which hands love. Near the border of all that was looked at
-nothing is gripped. Where a mask or a crop box ends, what follows was seen: there no hand may have the border between its
-fingers, unless the border lies ahead of it.
+A surface that a border cuts looks like a sheet with an edge, which hands love. Near the border of all that was looked
+at nothing is gripped. Where a mask or a crop box ends, what follows was seen: there no hand may have the border between
+its fingers, unless the border lies ahead of it.
 """
 
 from __future__ import annotations

@@ -36,6 +36,7 @@ from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.hand_geometry import ClosingRegion, closing_region
 from spgf_torch.proposing.shortlist import Shortlist, shortlist
 from spgf_torch.proposing.spreading import spread_order, suppress
+from spgf_torch.proposing.weighing import Numbers
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.sensing.texlets import Texlets
 
@@ -55,6 +56,7 @@ class Proposals:
         support (G,) int64: votes.
         voted_by: of each grasp (prototype, votes), most votes first.
         judged (G, 2) f64: of a judge P(free) and P(holds | free); None where the votes ranked.
+        numbers: what the judge knew of each; () where the votes ranked.
     """
 
     T_object_tcp: Tensor
@@ -64,6 +66,7 @@ class Proposals:
     support: Tensor
     voted_by: tuple[tuple[tuple[int, int], ...], ...]
     judged: Tensor | None = None
+    numbers: tuple[Numbers, ...] = ()
 
     def __len__(self) -> int:
         return len(self.grasp_type)

@@ -51,7 +51,8 @@ def looked_by_images(views: Sequence[View]) -> Looked:
     planes = _NO_BORDERS
     if len(views) == 1:
         depth, camera = views[0].depth, views[0].camera
-        points = pixel_points(depth, camera)[np.isfinite(depth) & (depth > 0)]
+        returned = np.isfinite(depth) & (depth > 0)
+        points = pixel_points(np.where(returned, depth, 0.0), camera)[returned]
         planes = straight_borders(points, camera.T_object_camera[:3, 3], camera.T_object_camera[:3, 2])
     images = tuple(DepthView.of(view.depth, view.camera) for view in views)
     return Looked(images, planes, f"unseen space from {counted(len(images), 'depth image')}")
