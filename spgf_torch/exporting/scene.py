@@ -28,7 +28,7 @@ AS_GOOD = 0.9  # of the most that any place shows
 DARKEST = 0.45  # brightness of a patch that faces away from the lamp
 OBSTACLES = 6000  # points of obstacles that are drawn at most
 DOT = 0.0022  # m; radius of an obstacle's patch: obstacles are means of voxels of 2 mm
-NEAR = 0.15  # m about the targets within which obstacles and table are drawn: as far as hands reach
+NEAR = 0.08  # m about the targets within which obstacles and table are drawn
 TILE, TILES = 0.02, 60  # m of a table's tile, and tiles along a side at most
 
 

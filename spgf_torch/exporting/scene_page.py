@@ -6,6 +6,7 @@ import html
 import json
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -204,19 +205,21 @@ def judged_words(grasp: Grasp) -> str:
 
 def _ranked_html(grasps: Sequence[Grasp], names: Sequence[str] | None, weighed: Sequence[str]) -> str:
     judged = any(grasp.judged for grasp in grasps)
-    told = ("judge", *(["weighed most"] if weighed else [])) if judged else ()
-    place = ("votes", "x (mm)", "y (mm)", "z (mm)", "approach", "prototypes")
+    told = ("judge, and what it weighed most", "shapes that voted", "votes") if judged else ("votes",)
+    place = ("x (mm)", "y (mm)", "z (mm)", "approach", *(() if judged else ("prototypes",)))
     head = ("rank", "type", "probability (%)", *told, *place)
+    reasons = ["<br>".join(filter(None, pair)) for pair in zip_longest(map(judged_words, grasps), map(_lines, weighed))]
+    shapes = [html.escape(voters(grasp, names)) for grasp in grasps]
     rows = [
         [
             str(rank),
             html.escape(grasp.type) + _of_target(grasp),
             f"{100 * grasp.probability:.1f}",
-            *([judged_words(grasp), *map(_lines, weighed[rank - 1 : rank])] if judged else []),
+            *([reasons[rank - 1], shapes[rank - 1].replace(", ", "<br>")] if judged else []),
             str(grasp.support),
             *(f"{1000 * value:.1f}" for value in grasp.T_input_tcp[:3, 3]),
             direction(grasp),
-            html.escape(voters(grasp, names)),
+            *([] if judged else [shapes[rank - 1]]),
         ]
         for rank, grasp in enumerate(grasps, start=1)
     ]
@@ -242,9 +245,9 @@ def _mm(metres: np.ndarray) -> np.ndarray:
 
 
 _WEIGHED = (
-    "The judge ranked. Weighed most: the numbers that moved its probability most, up (+) or down (-), against what "
-    "is usual among the hypotheses about the same thing. Votes and prototypes are the local shapes that voted for the "
-    "grasp; they take no part in the rank."
+    "The judge ranked. What it weighed most: the numbers that moved its probability most, up (+) or down (-), against "
+    "what is usual among the hypotheses about the same thing. The local shapes (prototypes) that voted for a grasp are "
+    "told beside it; they take no part in the rank."
 )
 _EYES = ("front", "left", "right", "back", "above")
 _FRAMES = (

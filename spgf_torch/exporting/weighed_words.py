@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from spgf_torch.config import GRASP_TYPES
 from spgf_torch.proposing.weighing import Weight
 
 SHOWN = 3  # numbers that are told of a grasp
 # Name of a number (`judge_features`) -> words, how it is printed and what it is multiplied by before.
 _PERCENT, _MM, _PLAIN = ("{:.0f} %", 100.0), ("{:.0f} mm", 1000.0), ("{:.2f}", 1.0)
 _WORDS: dict[str, tuple[str, tuple[str, float]]] = {
-    "type": ("grasp type", ("{:.0f}", 1.0)),
+    "type": ("grasp type", _PLAIN),
     "margin": ("nearest point to the hand", _MM),
     "log_points": ("points between the pads (log)", _PLAIN),
     "width": ("seen width of the opening", _PERCENT),
@@ -49,6 +50,9 @@ def weighed_words(weights: Sequence[Weight]) -> str:
     told = []
     for weight in weights[:SHOWN]:
         words, (form, factor) = _WORDS.get(weight.name, (weight.name, _PLAIN))
-        value, usual = (form.format(factor * number + 0.0) for number in (weight.value, weight.usual))
+        if weight.name == "type":
+            value, usual = (GRASP_TYPES[round(number)] for number in (weight.value, weight.usual))
+        else:
+            value, usual = (form.format(factor * number + 0.0) for number in (weight.value, weight.usual))
         told.append(f"{'+' if weight.moved > 0 else '-'} {words} {value} (usual {usual})")
     return "; ".join(told)

@@ -20,8 +20,8 @@ from spgf_torch.sensing.unseen import DepthView
 _SLOPE, _NOISE = 0.15, 0.003
 # m from the nearest texlet of a target, between which what goes on is looked for: masks are some pixels too small.
 _FIRST, _LAST = 0.008, 0.015
-# Points of it that are no chance.
-_SOME = 3
+# Points of it that are no chance, and the share of the way to one at which the surface must have been seen too.
+_SOME, _BETWEEN = 3, 0.4
 # Texlet spacings to a straight outline within which texlets tell whether it is a true edge: so it is where more than
 # this share faces over it, by this cosine.
 _NEAR, _FACES, _EDGE = 2.0, 0.7, 0.33
@@ -89,7 +89,7 @@ def _into_others(positions: np.ndarray, normals: np.ndarray, others: np.ndarray)
     step = others[far] - positions[home]
     off = (step * normals[home]).sum(axis=1)
     # Where nothing of the surface lies between, it is another thing, however flush.
-    joined = cKDTree(others).query(positions[home] + 0.6 * step, distance_upper_bound=_FIRST / 2)[0]
+    joined = cKDTree(others).query(positions[home] + _BETWEEN * step, distance_upper_bound=_FIRST / 2)[0]
     on = (np.abs(off) <= _SLOPE * away[far] + _NOISE) & np.isfinite(joined)
     found = np.bincount(home[on], minlength=len(positions)) >= _SOME
     np.add.at(direction, home[on], step[on] - off[on, None] * normals[home[on]])
