@@ -23,6 +23,8 @@ _PIXEL, _NEIGHBOURS = 1.25, 4
 _MOST, _SOME = 1200, 4000
 # m about the target as far as a hand reaches; beyond it the image ends.
 _MARGIN = 0.35
+# m from the target's middle, nearer than which no depth camera sees.
+_NEAREST = 0.05
 # Tangent of the half angle of the image at most: a pinhole sees no half space.
 _WIDEST = 3.0
 # m in depth within which the points of a pixel are one surface, whose mean depth it gets.
@@ -42,7 +44,7 @@ def view_of_points(points: np.ndarray, eye: np.ndarray, target: np.ndarray, plan
     middle = (target.min(axis=0) + target.max(axis=0)) / 2
     ahead = middle - eye
     away = float(np.linalg.norm(ahead))
-    if away < 1e-3:
+    if away < _NEAREST:
         return None
     T = np.eye(4)
     side = np.eye(3)[np.abs(ahead).argmin()]
