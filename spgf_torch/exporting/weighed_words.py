@@ -23,7 +23,7 @@ _WORDS: dict[str, tuple[str, tuple[str, float]]] = {
     "n_max": ("better pad faced by the surface (cosine)", _PLAIN),
     "both_sides": ("both sides seen", _PERCENT),
     "log_both": ("points of the rarer side (log)", _PLAIN),
-    "reach": ("reach past the nearest point", _MM),
+    "reach": ("depth past the nearest point", _MM),
     "c_x": ("object's middle along closing", _MM),
     "c_y": ("object's middle across", _MM),
     "c_z": ("object's middle along the approach", _MM),

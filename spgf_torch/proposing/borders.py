@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 # m behind the TCP as far as fingers reach, and about it as far across as something counts as between the pads.
 FINGERS, _ACROSS = 0.05, 0.015
-# Cosine of the angle between the approach and the way over a border, from which on it lies ahead: within 60 deg.
+# Cosine of the angle between the approach and the way over a border, from which on it lies ahead, unless it is
+# behind the pads: within 60 deg.
 _AHEAD = 0.5
 # Pairs of a grasp and a point looked at together: bounds the memory.
 _PAIRS = 1 << 20
@@ -74,6 +75,6 @@ def clear_of_borders(
             back = T[:, :3, :3].mT
             x, y, z = (back @ points.T - back @ T[:, :3, 3:]).unbind(1)
             between = (x.abs() < region.half) & (y.abs() < across) & (z > -FINGERS) & (z < high)
-            ahead = T[:, :3, 2] @ beyond.T > _AHEAD
+            ahead = (T[:, :3, 2] @ beyond.T > _AHEAD) & (z > region.low)
             clear[part] = ~(between & ~ahead).any(1)
     return clear

@@ -22,6 +22,7 @@ def clear(point: tuple[float, float, float], beyond: tuple[float, float, float])
         ((0.0, 0.0, -0.04), (0.0, 0.0, -1.0), False),  # passed on the way
         ((0.0, 0.014, 0.0), (0.0, 1.0, 0.0), False),  # beside the pads
         ((0.0, 0.0, 0.005), (0.0, 0.0, 1.0), True),  # ahead: the hand does not reach it
+        ((0.0, 0.0, -0.02), (0.0, 0.0, 1.0), False),  # passed already
         ((0.0, 0.0, 0.005), (0.0, 0.8, 0.6), True),  # 53 deg off the approach: ahead still
         ((0.0, 0.0, 0.005), (0.0, 0.9, 0.44), False),  # 64 deg: beside
         ((0.0, 0.0, 0.005), (0.0, 0.0, 0.0), False),  # nobody has looked beyond
