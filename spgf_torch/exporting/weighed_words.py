@@ -32,7 +32,7 @@ _WORDS: dict[str, tuple[str, tuple[str, float]]] = {
     "size_1": ("object's length (rms)", _MM),
     "size_2": ("object's width (rms)", _MM),
     "size_3": ("object's height (rms)", _MM),
-    "views": ("views", ("{:.0f}", 1.0)),
+    "views": ("number of views", ("{:.0f}", 1.0)),
     "from_seen": ("comes from the cameras' side (cosine)", _PLAIN),
     "finger_near": ("fingers just behind the seen surface", _PERCENT),
     "finger_mid": ("fingers behind the seen surface", _PERCENT),
