@@ -47,8 +47,8 @@ def weighed(judge: Judge, grasps: Sequence[Numbers]) -> list[list[Weight]]:
         at = torch.arange(len(names))
         rows[at, at] = grasp.usual[: len(names)]
         free, holds = judge.both(rows, grasp.images)
-        moved = torch.logit((free * holds).clamp(_LEAST, 1 - _LEAST))
-        moved = (moved[-1] - moved[:-1]).tolist()
+        log_odds = torch.logit((free * holds).clamp(_LEAST, 1 - _LEAST))
+        moved = (log_odds[-1] - log_odds[:-1]).tolist()
         weights = [
             Weight(name, float(grasp.values[i]), float(grasp.usual[i]), moved[i])
             for i, name in enumerate(names)
