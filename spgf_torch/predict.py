@@ -71,9 +71,9 @@ def _write_page(
         words = tuple(map(weighed_words, weighed(predictor.judged.judge, known)))
     lines = tuple(line for line in told if line)
     beside = Beside(scene.obstacles.double().numpy(), scene.table, lines, scene.notes, words)
-    cloud = (t.double().numpy() for t in (scene.texlets.positions, scene.texlets.normals))
+    positions, normals = scene.texlets.positions.double().numpy(), scene.texlets.normals.double().numpy()
     pictures = folder / "index.html", folder / "grasps.png"
-    write_scene_page(*pictures, *cloud, grasps, predictor.grippers, predictor.names, beside)
+    write_scene_page(*pictures, positions, normals, grasps, predictor.grippers, predictor.names, beside)
 
 
 def run(config: PredictConfig, folder: Path) -> None:

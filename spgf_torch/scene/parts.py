@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -80,9 +80,9 @@ def scene_of_parts(
             f"borders: {cut} of {len(texlets)} texlets lie where the image, a mask, a crop box or the cloud ends, but "
             "not their surface: nothing is gripped over such a border"
         )
-    known = (around.table, around.gravity, around.viewpoints)
-    looked = {"views": around.looked.views, "unseen": around.looked.words, "borders": borders}
-    return Scene(texlets, labels, solid, *known, sensing.spacing, tuple(notes), no_grasp, **looked)
+    known, looked = (around.table, around.gravity, around.viewpoints), around.looked
+    scene = Scene(texlets, labels, solid, *known, sensing.spacing, tuple(notes), no_grasp)
+    return replace(scene, views=looked.views, borders=borders, unseen=looked.words)
 
 
 def _borders(
