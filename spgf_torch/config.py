@@ -133,6 +133,7 @@ class SceneConfig:
     table_width: float = bounded(0.01, 10.0)
     table_hypotheses: int = bounded(10, 100_000)
     gravity: Any = text()
+    border: float = bounded(0.0, 0.5)
     neighbours: int = bounded(5, 200)
     normal_radius: float = bounded(0.001, 0.1)
     min_neighbours: int = bounded(3, 200)

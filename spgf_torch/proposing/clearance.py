@@ -15,6 +15,7 @@ from torch import Tensor
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
 from spgf_torch.config import GRASP_TYPES, InputError
 from spgf_torch.geometry import se3
+from spgf_torch.proposing.borders import Borders
 
 
 @dataclass(frozen=True)
@@ -48,12 +49,14 @@ class Surroundings:
         up: (3,) f32 unit, against gravity, and the component of an approach along it from which on the hand comes from
             below, which is left to where nothing else is possible; None: hands may come from anywhere.
         retreat: m back along the approach, where the way to the grasp begins.
+        borders: where what was looked at ends, but the thing does not; None: nowhere.
     """
 
     obstacles: Tensor = field(default_factory=lambda: torch.zeros(0, 3))
     table: Plane | None = None
     up: tuple[Tensor, float] | None = None
     retreat: float = 0.0
+    borders: Borders | None = None
 
     def near(self, points: Tensor, reach: float) -> Surroundings:
         """The same with only the obstacles within `reach` (m) of the box around the points (N, 3)."""
