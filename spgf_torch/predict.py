@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spgf_torch.cli import door
-from spgf_torch.config import GRASP_TYPES, PredictConfig, SensingConfig, find, typed
-from spgf_torch.given import check_files, check_judge, check_model
+from spgf_torch.config import GRASP_TYPES, PredictConfig
+from spgf_torch.given import check_files, model_and_judge
 from spgf_torch.progress import Stages, show
 
 if TYPE_CHECKING:
@@ -28,11 +28,14 @@ def by_type(grasps: Sequence[Grasp]) -> str:
     return ", ".join(f"{counted[kind]} {kind}" for kind in GRASP_TYPES)
 
 
-def _tell_judge(predictor: Predictor, scene: Scene, config: PredictConfig) -> None:
-    """Which judge, if any, and what it knows."""
-    if predictor.judged is not None:
+def _tell_ranking(predictor: Predictor, votes: Path | None, judge: Path | None, scene: Scene) -> None:
+    """What was loaded, which of it ranks, and what the judge knows."""
+    if votes is not None and predictor.model is not None:
+        ranks = "its votes rank" if judge is None else "its votes are told beside each grasp"
+        show(f"model: {votes.resolve()}, K = {len(predictor.model.centres)}; {ranks}")
+    if judge is not None:
         known = f"unseen space from {len(scene.views)} depth images" if scene.views else UNKNOWN
-        show(f"judge: {find(str(config.judge)).resolve()}, {known}")
+        show(f"judge: {judge.resolve()}, which ranks, {known}")
 
 
 def _tell_doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> None:
@@ -49,35 +52,32 @@ def _tell_doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) ->
 def run(config: PredictConfig, folder: Path) -> None:
     """Read the scene, propose grasps, write them into `folder` in every format, with a page and a picture."""
     check_files(config, "input", "intrinsics", "poses", "mask", "segments")
-    check_model(config.model)
-    check_judge(config.judge)
+    votes, judge = model_and_judge(config.model, config.judge)
 
     import numpy as np
 
-    from spgf_torch.affordance.model import check_device, model_settings
+    from spgf_torch.affordance.model import check_device
     from spgf_torch.exporting.graspnet import write_graspnet
     from spgf_torch.exporting.grasps_json import write_grasps
     from spgf_torch.exporting.isaac import write_isaac
     from spgf_torch.exporting.scene_page import write_scene_page
     from spgf_torch.exporting.table import grasp_table
-    from spgf_torch.predictor import Predictor
+    from spgf_torch.predictor import Predictor, sensing_of
     from spgf_torch.scene.assembly import read_scene
 
-    stages, folder_of_model = Stages(), find(config.model)
+    stages = Stages()
     check_device(config.device)
-    sensing = typed(SensingConfig, model_settings(folder_of_model)["sensing"])
+    sensing = sensing_of(votes, judge)
     with stages.stage("scene", 1, "input") as advance:
         scene = read_scene(config, sensing, np.random.default_rng(config.seed))
         advance(1)
     for note in scene.notes:
         show(note)
     with stages.stage("model", 1, "model") as advance:
-        predictor = Predictor.load(
-            folder_of_model, config.device, config.proposing, config.retreat, config.judge
-        ).ready()
+        how = (config.device, config.proposing, config.retreat, config.judge)
+        predictor = Predictor.load(config.model, *how).ready()
         advance(1)
-    show(f"model: {folder_of_model.resolve()}, K = {len(predictor.model.centres)}")
-    _tell_judge(predictor, scene, config)
+    _tell_ranking(predictor, votes, judge, scene)
     start = time.perf_counter()
     with stages.stage("grasps", len(scene.texlets), "texlets") as advance:
         grasps = predictor.predict(scene, config.N)

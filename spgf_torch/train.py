@@ -58,10 +58,11 @@ def run(config: TrainConfig, folder: Path) -> None:
     write_results(folder, {**results, "seconds": {**stages.seconds, "total": time.perf_counter() - start}})
     for content in (results_table(results), chosen_line(results), calibration_line(results)):
         show(content)
-    left = [*["model"] * config.final_model, *["judge"] * (course is not None)]
-    show(f"results, {', '.join(left)} and settings in {folder}" if left else f"results and settings in {folder}")
+    show(f"results, model and settings in {folder}" if config.final_model else f"results and settings in {folder}")
     if course is not None:
-        show(f"predict and evaluate with model={folder} rank by the judge, with judge=none by votes")
+        show(
+            "a judge is beside them: predict and evaluate of this folder (model=) rank by it, with judge=none by votes"
+        )
 
 
 def _check_judge(config: TrainConfig) -> None:
@@ -125,14 +126,14 @@ def _votes(
     from spgf_torch.evaluation.novel import novel_objects
     from spgf_torch.evaluation.results import build_results
     from spgf_torch.experiment.costs import prediction_ms
-    from spgf_torch.experiment.describe import Description, Grasps
+    from spgf_torch.experiment.describe import Description
     from spgf_torch.experiment.experiment import Experiment
     from spgf_torch.experiment.held_out import save_fold_models
     from spgf_torch.experiment.space import Example
     from spgf_torch.experiment.tried import Tried, dataset_digest, open_hand
     from spgf_torch.writing import write_text
 
-    tried = [Tried(Grasps(t.T_object_tcp, t.grasp_type), t.success) for t in tables]
+    tried = [Tried.of(table) for table in tables]
     volumes = open_hand(config.hand)
     describe = Description(
         config.sensing, config.features, config.affordance, volumes, config.seed, config.device, cache

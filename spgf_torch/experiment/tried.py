@@ -31,11 +31,15 @@ class Tried:
     grasps: Grasps
     success: Tensor
 
+    @staticmethod
+    def of(table: TrialTable) -> Tried:
+        return Tried(Grasps(table.T_object_tcp, table.grasp_type), table.success)
+
 
 def tried_grasps(objects: Sequence[GraspObject], config: TrainConfig) -> list[Tried]:
     """The trials on each object, in its order; see `tables_of`."""
     tables = tables_of(objects, config.trials, Trials(load_hand(config.hand), config.episode), config.sampler)
-    return [Tried(Grasps(t.T_object_tcp, t.grasp_type), t.success) for t in tables]
+    return [Tried.of(table) for table in tables]
 
 
 def tables_of(objects: Sequence[GraspObject], place: str, trials: Trials, sampler: SamplerConfig) -> list[TrialTable]:

@@ -129,7 +129,7 @@ def columns_of(table: Any) -> dict[str, Any]:
 
 def write_columns(path: Path, columns: Mapping[str, Any], about: Mapping[bytes, str]) -> None:
     """A sealed Parquet file of these columns and metadata, at once or not at all."""
-    metadata: dict[bytes | str, str | bytes] = {**about, SEAL: BLANK}
+    metadata: dict[Any, Any] = {**about, SEAL: BLANK}
     content = pa.table(dict(columns)).replace_schema_metadata(metadata)
     sink = io.BytesIO()
     pq.write_table(content, sink, compression="zstd")

@@ -32,6 +32,7 @@ from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.unseen import behind
 from spgf_torch.trials.attempts import Trials
 from spgf_torch.trials.hand import load_hand
+from spgf_torch.trials.runners import Here
 
 ROOT = Path(__file__).parents[2]
 OBJECTS = ("soap_bar", "egg", "box_tea", "tumbler")
@@ -83,7 +84,8 @@ def bench() -> tuple[Bench, Search, JudgeConfig]:
 
 def test_the_command_leaves_a_judge(place: Path) -> None:
     run = place / "outputs/judge/latest"
-    assert {p.name for p in run.iterdir()} == {"config.yaml", "judge.json", "judge.safetensors", "README.md"}
+    tables = {"trials", "own_trials"}
+    assert {p.name for p in run.iterdir()} == {"config.yaml", "judge.json", "judge.safetensors", "README.md", *tables}
     judge = load_judge(run)
     assert set(judge.taught) == set(OBJECTS) and judge.sure == 0.8
     kinds = {"1 view, alone", "1 view, on a table", "4 views, alone", "4 views, on a table"}
@@ -188,13 +190,17 @@ def test_trials_that_have_ended_are_kept(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr("spgf_torch.judging.trying.execute", fake)
     cache = Cache(tmp_path)
     with pytest.raises(KeyboardInterrupt):
-        tried(requests, trials, 1, cache)
-    assert [o.tolist() for o in tried(requests, trials, 1, cache)] == [[2, 3, 4], [2, 3], [2, 3]] and asked == [3, 2, 2]
+        tried(requests, trials, Here, cache)
+    assert [o.tolist() for o in tried(requests, trials, Here, cache)] == [[2, 3, 4], [2, 3], [2, 3]] and asked == [
+        3,
+        2,
+        2,
+    ]
     entry = max(tmp_path.glob(f"{KIND}-*"), key=lambda path: path.stat().st_size)
     entry.write_bytes(entry.read_bytes()[:-1])
-    assert [len(o) for o in tried(requests, trials, 1, cache)] == [3, 2, 2] and asked[3:] == [3]
+    assert [len(o) for o in tried(requests, trials, Here, cache)] == [3, 2, 2] and asked[3:] == [3]
     harder = Trials(trials.hand, replace(trials.episode, friction=0.1))
-    tried(requests[:1], harder, 1, cache)
+    tried(requests[:1], harder, Here, cache)
     assert asked[4:] == [3]  # another episode is another trial
 
 
