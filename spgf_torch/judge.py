@@ -24,10 +24,11 @@ def run(config: JudgeConfig, folder: Path) -> None:
 
     from spgf_torch.cache import Cache
     from spgf_torch.judging.course import TRIALS, Course, write_tables
+    from spgf_torch.judging.settings import stages as plan
     from spgf_torch.judging.validation import executed_table
     from spgf_torch.objects.folders import read_objects
 
-    stages, cache = Stages(), Cache.open(config.cache, config.cache_gb)
+    stages, cache = Stages(plan(config, config.trials is not None)), Cache.open(config.cache, config.cache_gb)
     found = read_objects(config, stages, cache)
     for note in found.notes:
         show(note)

@@ -80,9 +80,13 @@ def _course(objects: Sequence[GraspObject], config: TrainConfig, cache: Cache, s
     if config.judge == "none":
         return None
     from spgf_torch.judging.course import Course
-    from spgf_torch.judging.settings import judge_settings
+    from spgf_torch.judging.settings import VOTES, judge_settings
+    from spgf_torch.judging.settings import stages as plan
 
-    return Course.of(objects, judge_settings(config), cache, stages)
+    settings = judge_settings(config)
+    random, *others = plan(settings, tried=False)
+    stages.plan = [random, *VOTES, *others]
+    return Course.of(objects, settings, cache, stages)
 
 
 def _tables(

@@ -27,6 +27,24 @@ def judge_settings(config: TrainConfig) -> JudgeConfig:
         raise InputError(f"judging.{error}") from None
 
 
+def stages(config: JudgeConfig, tried: bool) -> list[tuple[str, float]]:
+    """The stages of learning a judge, each with its share of the work; `tried`: random trials are given."""
+    plan = [] if tried else [("trials", _SHARES["random"] * config.candidates)]
+    plan.append(("hypotheses", _SHARES["hypotheses"]))
+    for number in range(1, config.rounds + 1 if config.own_trials is None else 1):
+        chosen = 2 * (config.one_view + config.four_views) * (config.best + config.random)
+        plan += [("rows", _SHARES["rows"]), ("learning", number * _SHARES["learning"])]
+        plan.append(("trials", _SHARES["chosen"] * chosen))
+    return [*plan, ("rows", _SHARES["rows"]), ("learning", 2 * (config.rounds + 1) * _SHARES["learning"])]
+
+
+# Processor seconds an object, of the Panda: of a candidate of each type, of clouds and hypotheses, of a trial that a
+# judge chose, of describing trials, of learning from the trials of one round.
+_SHARES = {"random": 0.02, "hypotheses": 1.7, "chosen": 0.027, "rows": 0.05, "learning": 0.1}
+# The same of a votes' model.
+VOTES = [("sensing", 0.2), ("features", 0.1), ("particles", 0.1), ("prototypes", 0.8), ("voting", 0.3)]
+
+
 def _defaults(keys: set[str]) -> dict[str, Any]:
     """What conf/judge.yaml says, with the rooms that it names."""
     values: Any = OmegaConf.to_container(OmegaConf.load(root() / "conf/judge.yaml"))

@@ -19,6 +19,7 @@ from spgf_torch.config import EvaluateConfig, InputError, PredictConfig, Sensing
 from spgf_torch.evaluate import run as evaluate
 from spgf_torch.exporting.grasps_json import read_grasps
 from spgf_torch.predict import run as predict
+from spgf_torch.proposing.judge import load_judge
 from spgf_torch.proposing.judged import JudgedProposer
 from spgf_torch.scene.scene import Scene
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
@@ -27,6 +28,9 @@ ROOT = Path(__file__).parents[2]
 NAMES = ("bowl_sugar", "jar_jam", "tumbler", "soap_bar", "box_tea", "egg")
 SMALL = ["K=3", "folds=2", "bootstrap=100", "sensing.width=160", "sensing.height=120", "sensing.focal=144"]
 SMALL += ["affordance.features_per_object=40", "prototypes.restarts=1", "prototypes.subsample=1000", "inner_grasps=100"]
+TINY = {"candidates": 12, "rounds": 1, "best": 1, "random": 1, "one_view": 1, "four_views": 0, "hypotheses.seeds": 6}
+TINY |= {"hypotheses.hypotheses": 60, "learning.trees": 5, "learning.least": 3}
+LEARN = ["judge=learn", *(f"+judging.{key}={value}" for key, value in TINY.items())]
 
 
 def composed(command: str, *overrides: str) -> Any:
@@ -36,7 +40,7 @@ def composed(command: str, *overrides: str) -> Any:
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A working folder: a tiny model of the SDH-2, judges of two hands, a mesh, a depth image of it on a table."""
+    """A working folder: a tiny model of the SDH-2 with a judge, judges of two hands, a mesh, a depth image of it."""
     folder = tmp_path_factory.mktemp("judged")
     for name in ("objects", "trials", "scans"):
         (folder / name).mkdir()
@@ -44,8 +48,12 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(ROOT / f"data/objects/{name}.yaml", folder / "objects")
         shutil.copy(ROOT / f"data/trials/{name}.parquet", folder / "trials")
     shutil.copy(ROOT / "data/trials/config.yaml", folder / "trials")
-    done = call("train", "objects=objects", "trials=trials", *SMALL, cwd=folder)
+    done = call("train", "objects=objects", "trials=trials", "workers=1", *SMALL, *LEARN, cwd=folder)
     assert done.returncode == 0, done.stderr
+    (folder / "stdout.txt").write_text(done.stdout)
+    (folder / "alone").mkdir()
+    for name in ("judge.json", "judge.safetensors"):
+        shutil.copy(folder / "outputs/train/latest" / name, folder / "alone")
     saved(quick_judge(), folder / "judge")
     saved(quick_judge("panda"), folder / "panda")
     saved(quick_judge(sure=1.0), folder / "doubting")
@@ -85,6 +93,45 @@ def test_predict_ranks_by_the_judge(place: Path) -> None:
     assert min(grasp.T_input_tcp[2, 3] for grasp in grasps) > 0.0  # above the table
 
 
+def test_train_leaves_a_model_with_its_judge(place: Path) -> None:
+    run = place / "outputs/train/latest"
+    judge, results = load_judge(run), json.loads((run / "results.json").read_text())
+    assert set(judge.taught) == set(NAMES) and judge.settings["sensing"]["width"] == 160
+    assert results["judge"] == judge.results and results["success_rate"] and (run / "JUDGE.md").is_file()
+    assert {path.stem for path in (run / "own_trials").iterdir()} == set(NAMES)
+    assert not (run / "trials").exists()  # they were given
+    told = (place / "stdout.txt").read_text()
+    assert "judge=none" in told and "Held in SAPIEN" in told
+
+
+def test_a_model_that_carries_a_judge_is_ranked_by_it(place: Path) -> None:
+    """With judge=none by the votes, and a judge alone needs no model; the word for each is told."""
+    ways = {"own": [], "votes": ["judge=none"], "alone": ["model=alone"], "none": ["model=none", "judge=alone"]}
+    told, found = {}, {}
+    for name, given in ways.items():
+        done = call("predict", *DEPTH, *given, "N=3", cwd=place) if name in ("alone", "votes") else None
+        assert done is None or done.returncode == 0, done.stderr
+        told[name] = "" if done is None else done.stdout
+        model, judge = (
+            [word.partition("=")[2] for word in given if word.startswith(key)] for key in ("model", "judge")
+        )
+        where = model[0] if model else "outputs/train/latest"
+        predictor = spgf_torch.load(
+            where if where == "none" else place / where,
+            judge=(place / judge[0] if judge[0] != "none" else "none") if judge else None,
+        )
+        depth, camera = image(trimesh.load_mesh(place / "scans/block.ply"))
+        scene = Scene.from_depth(depth, camera.K, camera.T_object_camera, table="find")
+        found[name] = predictor.predict(scene, top=3)
+    assert "its votes rank" in told["votes"] and "judge: " not in told["votes"]
+    assert "which ranks" in told["alone"] and "model: " not in told["alone"]
+    poses = {name: np.stack([grasp.T_input_tcp for grasp in grasps]) for name, grasps in found.items()}
+    assert np.array_equal(poses["own"], poses["alone"]) and np.array_equal(poses["own"], poses["none"])
+    assert not np.array_equal(poses["own"][0], poses["votes"][0])
+    assert all(grasp.judged is None for grasp in found["votes"]) and all(grasp.judged for grasp in found["own"])
+    assert all(not grasp.voted_by for grasp in found["alone"])
+
+
 def test_a_bare_cloud_is_told_that_unseen_space_is_not_known(
     place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
@@ -116,7 +163,7 @@ def test_a_judge_in_python(place: Path) -> None:
         )
     )
     assert isinstance(model.judged, JudgedProposer)
-    plain = spgf_torch.load(place / "outputs/train/latest")
+    plain = spgf_torch.load(place / "outputs/train/latest", judge="none")
     assert plain.judged is None and all(grasp.judged is None for grasp in plain.predict(scene.texlets, top=5))
 
 
@@ -128,9 +175,12 @@ def test_evaluate_executes_what_the_judge_ranks(place: Path, monkeypatch: pytest
     found = json.loads(Path("judged/results.json").read_text())["judged"]
     assert found["judge"] == "judge" and found["table"] and 0 <= found["top_N"] <= 1 and 0 <= found["ece"] <= 1
     Path("votes").mkdir()
-    evaluate(typed(EvaluateConfig, composed("evaluate", *few, "table=true")), Path("votes"))
+    evaluate(typed(EvaluateConfig, composed("evaluate", *few, "table=true", "judge=none")), Path("votes"))
     results = json.loads(Path("votes/results.json").read_text())
     assert results["judged"]["judge"] is None and "ece" not in results["judged"]
+    Path("by itself").mkdir()
+    evaluate(typed(EvaluateConfig, composed("evaluate", *few[:-1], "model=alone")), Path("by itself"))
+    assert json.loads(Path("by itself/results.json").read_text())["judged"]["judge"] == "alone"
 
 
 @pytest.mark.parametrize(
@@ -143,7 +193,10 @@ def test_evaluate_executes_what_the_judge_ranks(place: Path, monkeypatch: pytest
         ("evaluate", ["judge=panda"], ["judge", "sdh2", "panda", "python -m spgf_torch.judge hand=sdh2"]),
         ("predict", ["judge=nowhere"], ["judge", "nowhere"]),
         ("predict", ["judge=panda"], ["judge", "the model's hand", "panda"]),
-        ("predict", ["judge=outputs/train/latest"], ["judge.json"]),
+        ("predict", ["judge=scans"], ["judge.json", "scans"]),
+        ("predict", ["model=none"], ["judge", "model=none"]),
+        ("predict", ["model=alone", "judge=none"], ["judge", "model=alone"]),
+        ("predict", ["model=nowhere", "judge=judge"], ["nowhere/model.json", "model=none"]),
     ],
 )
 def test_what_does_not_go_together_is_refused(
