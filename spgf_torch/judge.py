@@ -39,7 +39,7 @@ def run(config: JudgeConfig, folder: Path) -> None:
         write_tables(tables, folder / TRIALS)
     size = course.save(judge, own, folder, "README.md")
     show(executed_table(dict(judge.results["executed"]), config.best))
-    show(f"judge of {size / 1e6:.2f} MB, trials and settings in {folder}; predict, evaluate: model={folder}")
+    show(f"judge of {size / 1e6:.2f} MB, trials and settings in {folder}, which predict and evaluate take as model=")
 
 
 if __name__ == "__main__":

@@ -97,7 +97,8 @@ def test_train_leaves_a_model_with_its_judge(place: Path) -> None:
     run = place / "outputs/train/latest"
     judge, results = load_judge(run), json.loads((run / "results.json").read_text())
     assert set(judge.taught) == set(NAMES) and judge.settings["sensing"]["width"] == 160
-    assert results["judge"] == judge.results and results["success_rate"] and (run / "JUDGE.md").is_file()
+    assert results["judge"]["trials"] == judge.results["trials"] and results["success_rate"]
+    assert "Judge of grasp hypotheses" in (run / "JUDGE.md").read_text() and (run / "README.md").is_file()
     assert {path.stem for path in (run / "own_trials").iterdir()} == set(NAMES)
     assert not (run / "trials").exists()  # they were given
     told = (place / "stdout.txt").read_text()
@@ -105,31 +106,32 @@ def test_train_leaves_a_model_with_its_judge(place: Path) -> None:
 
 
 def test_a_model_that_carries_a_judge_is_ranked_by_it(place: Path) -> None:
-    """With judge=none by the votes, and a judge alone needs no model; the word for each is told."""
-    ways = {"own": [], "votes": ["judge=none"], "alone": ["model=alone"], "none": ["model=none", "judge=alone"]}
-    told, found = {}, {}
-    for name, given in ways.items():
-        done = call("predict", *DEPTH, *given, "N=3", cwd=place) if name in ("alone", "votes") else None
-        assert done is None or done.returncode == 0, done.stderr
-        told[name] = "" if done is None else done.stdout
-        model, judge = (
-            [word.partition("=")[2] for word in given if word.startswith(key)] for key in ("model", "judge")
-        )
-        where = model[0] if model else "outputs/train/latest"
-        predictor = spgf_torch.load(
-            where if where == "none" else place / where,
-            judge=(place / judge[0] if judge[0] != "none" else "none") if judge else None,
-        )
-        depth, camera = image(trimesh.load_mesh(place / "scans/block.ply"))
-        scene = Scene.from_depth(depth, camera.K, camera.T_object_camera, table="find")
-        found[name] = predictor.predict(scene, top=3)
-    assert "its votes rank" in told["votes"] and "judge: " not in told["votes"]
-    assert "which ranks" in told["alone"] and "model: " not in told["alone"]
+    """With judge=none by the votes; a judge alone proposes the same without a model."""
+    run, alone = place / "outputs/train/latest", place / "alone"
+    depth, camera = image(trimesh.load_mesh(place / "scans/block.ply"))
+    scene = Scene.from_depth(depth, camera.K, camera.T_object_camera, table="find")
+    found = {}
+    for name, (model, judge) in {"own": (run, None), "votes": (run, "none"), "alone": (alone, None)}.items():
+        found[name] = spgf_torch.load(model, judge=judge).predict(scene, top=3)
     poses = {name: np.stack([grasp.T_input_tcp for grasp in grasps]) for name, grasps in found.items()}
-    assert np.array_equal(poses["own"], poses["alone"]) and np.array_equal(poses["own"], poses["none"])
-    assert not np.array_equal(poses["own"][0], poses["votes"][0])
+    assert np.array_equal(poses["own"], poses["alone"]) and not np.array_equal(poses["own"][0], poses["votes"][0])
     assert all(grasp.judged is None for grasp in found["votes"]) and all(grasp.judged for grasp in found["own"])
     assert all(not grasp.voted_by for grasp in found["alone"])
+    assert spgf_torch.load("none", judge=alone).model is None
+
+
+def test_predict_tells_what_ranks(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(place)
+    for name, given, word, other in (
+        ("alone", ["model=alone"], "which ranks", "model: "),
+        ("votes", ["judge=none"], "its votes rank", "judge: "),
+    ):
+        (tmp_path / name).mkdir()
+        predict(typed(PredictConfig, composed("predict", *DEPTH, *given, "N=3")), tmp_path / name)
+        told = capsys.readouterr().out
+        assert word in told and other not in told and (tmp_path / name / "index.html").is_file()
 
 
 def test_a_bare_cloud_is_told_that_unseen_space_is_not_known(
