@@ -19,6 +19,7 @@ from spgf_torch.config import EvaluateConfig, InputError, PredictConfig, Sensing
 from spgf_torch.evaluate import run as evaluate
 from spgf_torch.exporting.grasps_json import read_grasps
 from spgf_torch.predict import run as predict
+from spgf_torch.predictor import Predictor
 from spgf_torch.proposing.judge import load_judge
 from spgf_torch.proposing.judged import JudgedProposer
 from spgf_torch.scene.scene import Scene
@@ -110,28 +111,21 @@ def test_a_model_that_carries_a_judge_is_ranked_by_it(place: Path) -> None:
     run, alone = place / "outputs/train/latest", place / "alone"
     depth, camera = image(trimesh.load_mesh(place / "scans/block.ply"))
     scene = Scene.from_depth(depth, camera.K, camera.T_object_camera, table="find")
-    found = {}
-    for name, (model, judge) in {"own": (run, None), "votes": (run, "none"), "alone": (alone, None)}.items():
-        found[name] = spgf_torch.load(model, judge=judge).predict(scene, top=3)
-    poses = {name: np.stack([grasp.T_input_tcp for grasp in grasps]) for name, grasps in found.items()}
-    assert np.array_equal(poses["own"], poses["alone"]) and not np.array_equal(poses["own"][0], poses["votes"][0])
-    assert all(grasp.judged is None for grasp in found["votes"]) and all(grasp.judged for grasp in found["own"])
-    assert all(not grasp.voted_by for grasp in found["alone"])
-    assert spgf_torch.load("none", judge=alone).model is None
+    own, by_itself = Predictor.load(run), spgf_torch.load(alone)
+    found, same = own.predict(scene, top=3), by_itself.predict(scene, top=3)
+    assert own.judged and [g.probability for g in found] == [g.probability for g in same]
+    assert all(np.array_equal(a.T_input_tcp, b.T_input_tcp) for a, b in zip(found, same, strict=True))
+    assert by_itself.model is None and all(not grasp.voted_by for grasp in same)
+    assert Predictor.load(run, judge="none").judged is None and Predictor.load("none", judge=alone).model is None
 
 
 def test_predict_tells_what_ranks(
     place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(place)
-    for name, given, word, other in (
-        ("alone", ["model=alone"], "which ranks", "model: "),
-        ("votes", ["judge=none"], "its votes rank", "judge: "),
-    ):
-        (tmp_path / name).mkdir()
-        predict(typed(PredictConfig, composed("predict", *DEPTH, *given, "N=3")), tmp_path / name)
-        told = capsys.readouterr().out
-        assert word in told and other not in told and (tmp_path / name / "index.html").is_file()
+    predict(typed(PredictConfig, composed("predict", *DEPTH, "model=alone", "N=3")), tmp_path)
+    told = capsys.readouterr().out
+    assert "which ranks" in told and "model: " not in told and (tmp_path / "index.html").is_file()
 
 
 def test_a_bare_cloud_is_told_that_unseen_space_is_not_known(

@@ -10,18 +10,15 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from test_judging import OBJECTS, config
 
-from spgf_torch.config import InputError, JudgeConfig, TrainConfig, typed
+from spgf_torch.config import InputError, JudgeConfig, TrainConfig, plain, typed
 from spgf_torch.geometry.se3 import random_poses
 from spgf_torch.judge import run as learn
-from spgf_torch.judging.own_trials import OwnOrigin, OwnTrials, read_own, write_own
+from spgf_torch.judging.own_trials import CHOICE, OwnOrigin, OwnTrials, read_own, write_own
 from spgf_torch.judging.rows import PICKED, Chosen
 from spgf_torch.judging.settings import judge_settings
-from spgf_torch.objects.library import load_objects
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.train import run as train
 from spgf_torch.trials import runners
-from spgf_torch.trials.attempts import Trials
-from spgf_torch.trials.hand import load_hand
 
 ROOT = Path(__file__).parents[2]
 
@@ -30,8 +27,8 @@ ROOT = Path(__file__).parents[2]
 def own() -> OwnTrials:
     """Two rounds of made-up trials on one object."""
     made = config("rounds=2")
-    obj = next(obj for obj in load_objects(ROOT / "data/objects") if obj.name == "egg")
-    origin = OwnOrigin.of(obj, Trials(load_hand(made.hand), made.episode), made)
+    choice = {key: getattr(made, key) for key in CHOICE}
+    origin = OwnOrigin("egg", "1" * 64, "2" * 64, plain(made.episode), choice, plain(made.sensing))
     generator = torch.Generator().manual_seed(0)
     parts = []
     for number in (1, 2):
