@@ -93,7 +93,7 @@ def _trials(benches: Sequence[Bench], fold: np.ndarray, shop: Workshop) -> Rows:
     config = shop.config
     rows = random_trials(benches, shop)
     _check(rows)
-    for number in range(1, config.rounds + 1):
+    for number in range(1, config.rounds + 2):  # the last is that of validation
         folds = torch.from_numpy(fold)[rows.obj]
         with shop.stages.stage("learning", config.folds, "judges") as advance:
             judges = {}
@@ -106,13 +106,22 @@ def _trials(benches: Sequence[Bench], fold: np.ndarray, shop: Workshop) -> Rows:
 
 def _learned(rows: Rows, benches: Sequence[Bench], fold: np.ndarray, shop: Workshop) -> Judge:
     """The judge that all rows teach, with how others did on objects that they had not seen."""
-    from spgf_torch.judging.learning import judge_of, learn_judge
-    from spgf_torch.judging.validation import cross_validated, executed
+    from spgf_torch.judging.fitting import fits
+    from spgf_torch.judging.learning import calibration_of, judge_of, learn_judge
+    from spgf_torch.judging.validation import cross_validated, executed, validation_rows
+    from spgf_torch.threads import in_parts
 
     config, stages = shop.config, shop.stages
+    with stages.stage("fit", len(benches), "objects") as advance:
+        work = in_parts(lambda bench: fits(bench.obj, shop.trials.hand, shop.search, config), benches)
+        fit = {bench.index: (advance(1), its)[1] for bench, its in zip(benches, work, strict=True)}
     with stages.stage("learning", config.folds + 1, "judges") as advance:
         results: dict[str, Any] = {
-            "executed": executed(rows, benches, config),
+            "executed": executed(rows, benches, fold, fit, config),
+            "unfit": {
+                name: [bench.obj.name for bench in benches if not fit[bench.index][on_table]]
+                for name, on_table in (("alone", False), ("on a table", True))
+            },
             "cross_validated": cross_validated(rows, benches, fold, config),
             "rows": len(rows),
             "trials": _counted(rows),
@@ -121,7 +130,7 @@ def _learned(rows: Rows, benches: Sequence[Bench], fold: np.ndarray, shop: Works
         judge = judge_of(learn_judge(rows, config), [bench.obj for bench in benches], config)
         advance(1)
     results["seconds"] = {name: round(seconds, 1) for name, seconds in stages.seconds.items()}
-    return replace(judge, results=results)
+    return replace(judge, results=results, calibration=calibration_of(validation_rows(rows, config)))
 
 
 def _check(rows: Rows) -> None:

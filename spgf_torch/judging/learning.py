@@ -17,7 +17,8 @@ from torch import Tensor
 from spgf_torch.config import JudgeConfig, TreesConfig, plain
 from spgf_torch.judging.rows import Rows
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.proposing.judge import FACTORS, KNOWN, Judge
+from spgf_torch.proposing.judge import FACTORS, KNOWN, VIEWS, Judge
+from spgf_torch.proposing.judge_features import NAMES
 from spgf_torch.proposing.trees import Form, Logistic, Trees
 from spgf_torch.threads import in_parts
 
@@ -57,6 +58,30 @@ def settings_of(config: JudgeConfig) -> Mapping[str, Any]:
 def judge_of(factors: Mapping[tuple[str, str], Form], objects: Sequence[GraspObject], config: JudgeConfig) -> Judge:
     """A judge of these factors, which learned from these objects."""
     return Judge(factors, settings_of(config), config.sure, {obj.name: obj.digest for obj in objects})
+
+
+def calibration_of(best: Rows) -> dict[str, tuple[float, float]]:
+    """`Judge.calibration` from the executed best of judges that had not seen the object, and what these said."""
+    views = best.numbers[:, NAMES.index("views")]
+    of_each = zip(VIEWS, (views <= 1, views > 1), strict=True)
+    return {name: rising_line(best.probability[of], best.success[of]) for name, of in of_each if of.any()}
+
+
+def rising_line(p: Tensor, held: Tensor) -> tuple[float, float]:
+    """Slope > 0 and shift of log-odds that make p (R,) the share of those that held (R,) (Platt 1999).
+
+    A prior of one standard deviation on the shift and on the slope's logarithm keeps both finite.
+    """
+    from scipy.optimize import minimize  # half a second
+
+    x = p.double().logit(1e-6).numpy()
+    sign = np.where(held.numpy(), 1.0, -1.0)
+
+    def loss(line: np.ndarray) -> float:
+        return float(np.logaddexp(0, -sign * (math.exp(line[0]) * x + line[1])).sum() + 0.5 * (line**2).sum())
+
+    slope, shift = minimize(loss, np.zeros(2)).x
+    return math.exp(slope), float(shift)
 
 
 def weights(rows: Rows) -> Tensor:
