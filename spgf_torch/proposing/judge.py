@@ -38,6 +38,9 @@ KNOWN: Mapping[str, tuple[str, ...]] = {"images": NAMES, "bare": GEOMETRY}
 FACTORS = ("free", "holds")
 # Names of the maps to probabilities of executed grasps: of one view, and of several.
 VIEWS = ("one", "more")
+# Of a map: slope > 0 against log p, slope > 0 against -log(1 - p), and shift of the log-odds (beta calibration, Kull,
+# Silva Filho and Flach 2017).
+Curve = tuple[float, float, float]
 # Probabilities nearer 0 or 1 than this are not told apart by a map.
 _EDGE = 1e-9
 _SETTINGS: dict[str, type] = {"hand": HandConfig, "hypotheses": HypothesesConfig}
@@ -52,8 +55,8 @@ class Judge:
         settings: hand and hypotheses, as plain values; they belong to what was learned.
         sure: probability below which a grasp is not to be relied on.
         taught: object name -> digest, of what it learned from. results: how it did on held-out objects.
-        calibration: of `VIEWS`, slope > 0 and shift of log-odds, from what the factors say to how often executed grasps
-            held; a missing one leaves them as they are.
+        calibration: of `VIEWS` the curve from what the factors say to how often executed grasps held; a missing one
+            leaves them as they are.
     """
 
     factors: Mapping[tuple[str, str], Form]
@@ -61,7 +64,7 @@ class Judge:
     sure: float
     taught: Mapping[str, str] = field(default_factory=dict)
     results: Mapping[str, Any] = field(default_factory=dict)
-    calibration: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    calibration: Mapping[str, Curve] = field(default_factory=dict)
 
     def probability(self, numbers: Tensor, images: bool) -> Tensor:
         """(G,) f32 that grasps hold, from their numbers (G, 31); `images`: whether unseen space is known."""
@@ -95,13 +98,14 @@ class Judge:
             )
 
 
-def calibrated(p: Tensor, views: Tensor, calibration: Mapping[str, tuple[float, float]]) -> Tensor:
+def calibrated(p: Tensor, views: Tensor, calibration: Mapping[str, Curve]) -> Tensor:
     """(G,) f64: how often grasps hold of which p (G,) was said, in clouds of `views` (G,) images; see `Judge`."""
     said = p.double().clone()
     for name, of in zip(VIEWS, (views <= 1, views > 1), strict=True):
         if name in calibration:
-            slope, shift = calibration[name]
-            said[of] = (slope * p[of].double().logit(_EDGE) + shift).sigmoid().clamp(_EDGE, 1 - _EDGE)
+            low, high, shift = calibration[name]
+            its = said[of].clamp(_EDGE, 1 - _EDGE)
+            said[of] = (low * its.log() - high * (-its).log1p() + shift).sigmoid().clamp(_EDGE, 1 - _EDGE)
     return said
 
 
@@ -123,7 +127,7 @@ def save_judge(judge: Judge, folder: Path) -> int:
         "settings": dict(judge.settings),
         "taught": dict(judge.taught),
         "results": dict(judge.results),
-        "calibration": {name: list(line) for name, line in judge.calibration.items()},
+        "calibration": {name: list(curve) for name, curve in judge.calibration.items()},
         DIGEST: hashlib.sha256(content).hexdigest(),
     }
     write_bytes(folder / ABOUT, sealed_json(document, indent=1, sort_keys=True))
@@ -147,7 +151,7 @@ def load_judge(folder: Path) -> Judge:
                 raise InputError(f"{path}: {name}: expected the arrays of a judge, got others ({error})") from None
             factors[known, factor] = form
     about = (document[key] for key in ("settings", "sure", "taught", "results"))
-    return Judge(factors, *about, {name: (line[0], line[1]) for name, line in document["calibration"].items()})
+    return Judge(factors, *about, {name: tuple(curve) for name, curve in document["calibration"].items()})
 
 
 def _tensors(path: Path, digest: str) -> dict[str, Tensor]:
@@ -179,9 +183,11 @@ def _document(path: Path) -> dict[str, Any]:
     for key, kind in (("sure", float), ("settings", dict), ("taught", dict), ("results", dict), (DIGEST, str)):
         if not isinstance(document.get(key), kind):
             raise InputError(f"{path}: expected {key}, got {document.get(key)!r}")
-    lines = document.get("calibration")
-    if not isinstance(lines, dict) or not all(name in VIEWS and _rising(line) for name, line in lines.items()):
-        raise InputError(f"{path}: expected calibration of {', '.join(VIEWS)}: slope > 0 and shift; got {lines}")
+    curves = document.get("calibration")
+    if not isinstance(curves, dict) or not all(name in VIEWS and _rising(curve) for name, curve in curves.items()):
+        raise InputError(
+            f"{path}: expected calibration of {', '.join(VIEWS)}: two slopes > 0 and a shift; got {curves}"
+        )
     for key, room in _SETTINGS.items():
         try:
             typed(room, document["settings"].get(key, {}))
@@ -190,7 +196,7 @@ def _document(path: Path) -> dict[str, Any]:
     return document
 
 
-def _rising(line: Any) -> bool:
-    """Whether this is a slope above 0 and a shift."""
-    numbers = isinstance(line, list) and len(line) == 2 and all(type(value) in (int, float) for value in line)
-    return numbers and line[0] > 0 and all(math.isfinite(value) for value in line)
+def _rising(curve: Any) -> bool:
+    """Whether this is a `Curve`, whose slopes are above 0."""
+    numbers = isinstance(curve, list) and len(curve) == 3 and all(type(value) in (int, float) for value in curve)
+    return numbers and min(curve[:2]) > 0 and all(math.isfinite(value) for value in curve)

@@ -203,7 +203,7 @@ def test_calibration_keeps_the_order_and_the_product(judge: Judge, tmp_path: Pat
     """By number of images, none is another's; the factors' product stays what is told; files bring it back."""
     fresh = rows(200, seed=3).numbers
     fresh[:, NAMES.index("views")] = torch.tensor([1.0, 4.0]).repeat(100)
-    doubting = replace(judge, calibration={"one": (0.5, -1.0)})
+    doubting = replace(judge, calibration={"one": (0.5, 0.5, -1.0)})
     before, after = judge.probability(fresh, True), doubting.probability(fresh, True)
     assert torch.equal(before[1::2], after[1::2]) and (after[0::2] < before[0::2]).float().mean() > 0.5
     expected = (0.5 * before[0::2].logit() - 1.0).sigmoid()
