@@ -18,11 +18,12 @@ from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.experiment.tried import open_hand, tables_of
 from spgf_torch.judging.card import judge_card
 from spgf_torch.judging.clouds import training_clouds
-from spgf_torch.judging.learning import judge_of, learn_judge
+from spgf_torch.judging.fitting import fits
+from spgf_torch.judging.learning import calibration_of, judge_of, learn_judge
 from spgf_torch.judging.own_trials import OwnOrigin, OwnTrials, read_own, write_own
 from spgf_torch.judging.rounds import Workshop, own_round, own_rows, random_rows, random_tables
 from spgf_torch.judging.rows import Bench, Rows
-from spgf_torch.judging.validation import cross_validated, executed
+from spgf_torch.judging.validation import cross_validated, executed, validation_rows
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
 from spgf_torch.proposing.clearance import Clearance
@@ -90,7 +91,7 @@ class Course:
                 "give more candidates, or objects that fit the hand"
             )
         own: list[OwnTrials] = []
-        for number in range(1, self.shop.config.rounds + 1):
+        for number in range(1, self.shop.config.rounds + 2):  # the last is that of validation
             its = self.given or own_round(benches, self._judges(rows), self.fold, number, self.shop)
             rows = Rows.together([rows, own_rows(benches, its, number, self.shop)])
             own = [OwnTrials.together(parts) for parts in zip(own, its, strict=True)] if own else its
@@ -122,10 +123,17 @@ class Course:
 
     def _learned(self, rows: Rows, benches: Sequence[Bench]) -> Judge:
         """The judge that all rows teach, with how others did on objects that they had not seen."""
-        config = self.shop.config
-        with self.shop.stages.stage("learning", config.folds + 1, "judges") as advance:
+        config, shop = self.shop.config, self.shop
+        with shop.stages.stage("fit", len(benches), "objects") as advance:
+            work = in_parts(lambda bench: fits(bench.obj, shop.trials.hand, shop.search, config), benches)
+            fit = {bench.index: (advance(1), its)[1] for bench, its in zip(benches, work, strict=True)}
+        with shop.stages.stage("learning", config.folds + 1, "judges") as advance:
             results: dict[str, Any] = {
-                "executed": executed(rows, benches, config),
+                "executed": executed(rows, benches, self.fold, fit, config),
+                "unfit": {
+                    name: [bench.obj.name for bench in benches if not fit[bench.index][on_table]]
+                    for name, on_table in (("alone", False), ("on a table", True))
+                },
                 "cross_validated": cross_validated(rows, benches, self.fold, config),
                 "rows": len(rows),
                 "trials": _counted(rows),
@@ -133,9 +141,10 @@ class Course:
             advance(config.folds)
             judge = judge_of(learn_judge(rows, config), self.objects, config)
             advance(1)
+        calibration = calibration_of(validation_rows(rows, config))
         # How clouds were sensed, too: a judge alone tells predict the spacing of texlets.
         settings = {**judge.settings, "sensing": plain(config.sensing)}
-        return replace(judge, results=results, settings=settings)
+        return replace(judge, results=results, settings=settings, calibration=calibration)
 
     def save(self, judge: Judge, own: Sequence[OwnTrials], folder: Path, card: str) -> int:
         """Write the judge, its card by the name `card`, and the trials of the rounds; bytes of the judge's arrays."""

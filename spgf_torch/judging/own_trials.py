@@ -188,7 +188,7 @@ def _check_counts(path: Path, own: OwnTrials) -> None:
     judging = own.origin.judging
     clouds = 2 * (judging["one_view"] + judging["four_views"])  # alone and on a table
     for name, low, high in (
-        ("round", 1, judging["rounds"]),
+        ("round", 1, judging["rounds"] + 1),  # the last is that of validation
         ("cloud", 0, clouds - 1),
         ("rank", PICKED, judging["best"] - 1),
         ("probability", 0, 1),

@@ -69,7 +69,10 @@ def random_rows(benches: Sequence[Bench], tables: Sequence[TrialTable], shop: Wo
 def own_round(
     benches: Sequence[Bench], judges: Mapping[int, Judge], fold: np.ndarray, number: int, shop: Workshop
 ) -> list[OwnTrials]:
-    """Round `number`: in each cloud the best hypotheses of the judge of the object's fold, and some at random."""
+    """Round `number`: in each cloud the best hypotheses of the judge of the object's fold, and some at random.
+
+    The round after the last is that of validation: the best alone.
+    """
     drafts = []
     for bench in benches:
         chosen = choose(bench, judges[int(fold[bench.index])], number, shop.config)
@@ -93,7 +96,7 @@ def choose(bench: Bench, judge: Judge, number: int, config: JudgeConfig) -> Chos
         alike = torch.zeros(len(p), dtype=torch.int64)
         best = suppress(hypotheses.T, alike, p, config.proposing.apart, config.proposing.apart_deg)[: config.best]
         others = torch.randperm(len(p), generator=rng)
-        others = others[~torch.isin(others, best)][: config.random]
+        others = others[~torch.isin(others, best)][: config.random if number <= config.rounds else 0]
         both = torch.cat([best, others])
         T.append(hypotheses.T[both])
         kind.append(hypotheses.grasp_type[both])

@@ -70,7 +70,7 @@ def test_tables_of_something_else_are_refused(own: OwnTrials, tmp_path: Path, ch
 def test_damaged_tables_are_refused(own: OwnTrials, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"egg\.parquet: expected a table .* no such file"):
         read_own(tmp_path, [own.origin])
-    for name, values in (("rank", [7] * 10), ("cloud", [9] * 10), ("probability", [1.5] * 10), ("round", [3] * 10)):
+    for name, values in (("rank", [7] * 10), ("cloud", [9] * 10), ("probability", [1.5] * 10), ("round", [4] * 10)):
         write_own(tmp_path, replace(own, **{name: torch.tensor(values)}))
         with pytest.raises(InputError, match=rf"expected {name} from"):
             read_own(tmp_path, [own.origin])
