@@ -82,6 +82,17 @@ def _benches(objects: Sequence[GraspObject], shop: Workshop) -> list[Bench]:
         return [(advance(1), done)[1] for done in in_parts(bench, range(len(objects)))]
 
 
+def _surveyed(benches: Sequence[Bench], shop: Workshop) -> Rows:
+    """Rows of hypotheses whose freedom the meshes tell."""
+    from spgf_torch.judging.rows import Rows
+    from spgf_torch.judging.survey import survey
+    from spgf_torch.threads import in_parts
+
+    with shop.stages.stage("survey", len(benches), "objects") as advance:
+        work = in_parts(lambda bench: survey(bench, shop.trials.hand, shop.search, shop.config), benches)
+        return Rows.together([(advance(1), rows)[1] for rows in work])
+
+
 def _trials(benches: Sequence[Bench], fold: np.ndarray, shop: Workshop) -> Rows:
     """Rows of random trials, then of each round: who chooses has learned from the objects of the other folds."""
     import torch
@@ -91,7 +102,7 @@ def _trials(benches: Sequence[Bench], fold: np.ndarray, shop: Workshop) -> Rows:
     from spgf_torch.judging.rows import Rows
 
     config = shop.config
-    rows = random_trials(benches, shop)
+    rows = Rows.together([_surveyed(benches, shop), random_trials(benches, shop)])
     _check(rows)
     for number in range(1, config.rounds + 2):  # the last is that of validation
         folds = torch.from_numpy(fold)[rows.obj]
@@ -137,15 +148,16 @@ def _check(rows: Rows) -> None:
     """InputError where random trials teach nothing: nothing to learn from would make a judge of nothing."""
     if not len(rows) or not rows.success.any():
         raise InputError(
-            f"candidates: expected random trials that hold, got none of {len(rows)} that sensed points leave free; "
-            "give more candidates, or objects that fit the hand"
+            f"candidates: expected random trials that hold, got none of {int(rows.tried.sum())} that sensed points "
+            "leave free; give more candidates, or objects that fit the hand"
         )
 
 
 def _counted(rows: Rows) -> dict[str, Any]:
     """How many trials taught, of random ones by rows, and of the rounds at home."""
     return {
-        "random_rows": int((rows.round == 0).sum()),
+        "surveyed_rows": int((~rows.tried).sum()),
+        "random_rows": int((rows.tried & (rows.round == 0)).sum()),
         "own": int(rows.home.sum()),
         "own_held": int((rows.home & rows.success).sum()),
     }
