@@ -438,6 +438,8 @@ class JudgeConfig(ObjectsConfig):
     random: int = bounded(0, 1000)
     one_view: int = bounded(1, 100)
     four_views: int = bounded(0, 100)
+    surveyed: int = bounded(0, 100_000)
+    looks: int = bounded(0, 100)
     lowest_deg: float = bounded(-89.0, 89.0)
     highest_deg: float = bounded(-89.0, 89.0)
     folds: int = bounded(2, 50)

@@ -35,7 +35,8 @@ Written by `python -m spgf_torch.judge`; every setting is in `config.yaml`. P(fr
 ## Learned from
 {len(judge.taught)} objects (`{config.objects}`): {config.candidates} random trials of each type on each, and
 {results["trials"]["own"]:,} of its own choosing in {config.rounds} rounds, of which {results["trials"]["own_held"]:,}
-held; {results["rows"]:,} rows.
+held; {results["rows"]:,} rows, of which {results["trials"]["surveyed_rows"]:,} say by the mesh alone whether a
+hypothesis is free.
 
 ## On objects that it had not seen
 The {best} best of judges of all rounds that the other folds taught ({config.folds} over objects), executed; percent,

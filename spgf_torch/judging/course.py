@@ -23,6 +23,7 @@ from spgf_torch.judging.learning import calibration_of, judge_of, learn_judge
 from spgf_torch.judging.own_trials import OwnOrigin, OwnTrials, read_own, write_own
 from spgf_torch.judging.rounds import Workshop, own_round, own_rows, random_rows, random_tables
 from spgf_torch.judging.rows import Bench, Rows
+from spgf_torch.judging.survey import survey
 from spgf_torch.judging.validation import cross_validated, executed, validation_rows
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
@@ -84,11 +85,11 @@ class Course:
     def judge(self, tables: Sequence[TrialTable]) -> tuple[Judge, list[OwnTrials]]:
         """The judge that random trials and those of the rounds teach, and the latter."""
         benches = self._benches()
-        rows = random_rows(benches, tables, self.shop)
+        rows = Rows.together([self._surveyed(benches), random_rows(benches, tables, self.shop)])
         if not len(rows) or not rows.success.any():
             raise InputError(
-                f"candidates: expected random trials that hold, got none of {len(rows)} that sensed points leave free; "
-                "give more candidates, or objects that fit the hand"
+                f"candidates: expected random trials that hold, got none of {int(rows.tried.sum())} that sensed points "
+                "leave free; give more candidates, or objects that fit the hand"
             )
         own: list[OwnTrials] = []
         for number in range(1, self.shop.config.rounds + 2):  # the last is that of validation
@@ -100,16 +101,24 @@ class Course:
     def _benches(self) -> list[Bench]:
         """Each object with its clouds and, unless what was chosen of them is known, hypotheses."""
         config, search = self.shop.config, self.shop.search
+        known = self.given is not None and not config.surveyed
 
         def bench(index: int) -> Bench:
             clouds = training_clouds(self.objects[index], config)
-            if self.given is not None:
+            if known:
                 return Bench(index, self.objects[index], clouds, [], [])
             return Bench.of(index, self.objects[index], clouds, search)
 
-        name = "hypotheses" if self.given is None else "clouds"
+        name = "clouds" if known else "hypotheses"
         with self.shop.stages.stage(name, len(self.objects), "objects") as advance:
             return [(advance(1), done)[1] for done in in_parts(bench, range(len(self.objects)))]
+
+    def _surveyed(self, benches: Sequence[Bench]) -> Rows:
+        """Rows of hypotheses whose freedom the meshes tell."""
+        shop = self.shop
+        with shop.stages.stage("survey", len(benches), "objects") as advance:
+            work = in_parts(lambda bench: survey(bench, shop.trials.hand, shop.search, shop.config), benches)
+            return Rows.together([(advance(1), rows)[1] for rows in work])
 
     def _judges(self, rows: Rows) -> dict[int, Judge]:
         """Of each fold one that has learned from the objects of the others."""
@@ -179,7 +188,8 @@ def _folds(objects: Sequence[GraspObject], config: JudgeConfig) -> np.ndarray:
 def _counted(rows: Rows) -> dict[str, Any]:
     """How many trials taught, of random ones by rows, and of the rounds at home."""
     return {
-        "random_rows": int((rows.round == 0).sum()),
+        "surveyed_rows": int((~rows.tried).sum()),
+        "random_rows": int((rows.tried & (rows.round == 0)).sum()),
         "own": int(rows.home.sum()),
         "own_held": int((rows.home & rows.success).sum()),
     }

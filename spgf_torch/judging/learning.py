@@ -33,21 +33,21 @@ _C, _STEPS = 0.3, 5000
 
 
 def learn_judge(rows: Rows, config: JudgeConfig, known: Sequence[str] = tuple(KNOWN)) -> dict[tuple[str, str], Form]:
-    """The factors of a judge: P(free) from all rows, P(holds | free) from those that were free.
+    """The factors of a judge: P(free) from all rows, P(holds | free) from those that were tried and free.
 
     Args:
         known: which of `KNOWN` are needed; to choose trials, the one with images alone.
     """
-    weight = weights(rows)
+    tried = rows.at(rows.tried)
     every = torch.ones_like(rows.free)
-    targets = {"free": (every, rows.free), "holds": (rows.free, rows.success)}
+    targets = {"free": (rows, every, rows.free), "holds": (tried, tried.free, tried.success)}
     keys = [(name, factor) for name in known for factor in FACTORS]
 
     def work(key: tuple[str, str]) -> Form:
-        among, label = targets[key[1]]
+        its, among, label = targets[key[1]]
         # Each on one thread of its own: scikit-learn's threads wait for each other at every split of every tree.
         with threadpool_limits(1, user_api="openmp"):
-            return fit(rows.numbers[among, : len(KNOWN[key[0]])], label[among], weight[among], config)
+            return fit(its.numbers[among, : len(KNOWN[key[0]])], label[among], weights(its)[among], config)
 
     return dict(zip(keys, in_parts(work, keys), strict=True))
 
