@@ -360,6 +360,12 @@ class TrainConfig(ObjectsConfig):
     fold_models: bool = MISSING
     bootstrap: int = bounded(100, 1_000_000)
     trials: str = text()
+    # Older runs do not say: theirs have none.
+    judge: str = field(default="none", metadata={"choice": ("none", "learn")})
+    own_trials: str | None = text(None)
+    judging: dict[str, Any] = field(default_factory=dict)
+    runner: str = field(default="local", metadata={"choice": ("local", "dask")})
+    address: str | None = text(None)
     device: str = text()
     cache: str | None = text()
     cache_gb: float = bounded(0.0, 1e6)
@@ -428,12 +434,15 @@ class JudgeConfig(ObjectsConfig):
     """`python -m spgf_torch.judge`: a hand's judge of grasp hypotheses."""
 
     trials: str | None = text()
+    own_trials: str | None = text()
     candidates: int = bounded(1, 1_000_000)
     rounds: int = bounded(1, 10)
     best: int = bounded(1, 1000)
     random: int = bounded(0, 1000)
     one_view: int = bounded(1, 100)
     four_views: int = bounded(0, 100)
+    surveyed: int = bounded(0, 100_000)
+    looks: int = bounded(0, 100)
     lowest_deg: float = bounded(-89.0, 89.0)
     highest_deg: float = bounded(-89.0, 89.0)
     folds: int = bounded(2, 50)
@@ -441,6 +450,9 @@ class JudgeConfig(ObjectsConfig):
     sure: float = bounded(0.0, 1.0)
     bootstrap: int = bounded(100, 1_000_000)
     seed: int = bounded(0, 2**31 - 1)
+    runner: str = choice("local", "dask")
+    address: str | None = text()
+    time_limit: float = bounded(0.1, 86_400.0)
     cache: str | None = text()
     cache_gb: float = bounded(0.0, 1e6)
     sensing: SensingConfig = field(default_factory=SensingConfig)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spgf_torch.cli import door
-from spgf_torch.config import GRASP_TYPES, PredictConfig, SensingConfig, find, typed
-from spgf_torch.given import check_files, check_judge, check_model
+from spgf_torch.config import GRASP_TYPES, PredictConfig
+from spgf_torch.given import check_files, model_and_judge
 from spgf_torch.progress import Stages, show
 
 if TYPE_CHECKING:
@@ -25,21 +25,26 @@ def by_type(grasps: Sequence[Grasp]) -> str:
     return ", ".join(f"{counted[kind]} {kind}" for kind in GRASP_TYPES)
 
 
-def _judge(predictor: Predictor, scene: Scene, config: PredictConfig) -> str | None:
-    """Which judge, if any, and what it knows."""
-    known = scene.unseen or "without unseen space"
-    return None if predictor.judged is None else f"judge: {find(str(config.judge)).resolve()}, {known}"
+def _ranking(predictor: Predictor, votes: Path | None, judge: Path | None, scene: Scene) -> list[str]:
+    """What was loaded, which of it ranks, and what the judge knows: a line each."""
+    lines = []
+    if votes is not None and predictor.model is not None:
+        ranks = "its votes rank" if judge is None else "its votes are told beside each grasp"
+        lines.append(f"model: {votes.resolve()}, K = {len(predictor.model.centres)}; {ranks}")
+    if judge is not None:
+        lines.append(f"judge: {judge.resolve()}, which ranks, {scene.unseen or 'without unseen space'}")
+    return lines
 
 
 def judge_head(
-    grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, config: PredictConfig
+    grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, judge: Path | None
 ) -> dict[str, Any] | None:
     """What grasps.json says of the judge: where it is, what it knew, below which probability nothing is sure."""
-    if predictor.judged is None:
+    if predictor.judged is None or judge is None:
         return None
     sure = predictor.judged.judge.sure
     nothing = not grasps or grasps[0].probability < sure
-    about = {"folder": str(find(str(config.judge)).resolve()), "unseen_space": scene.views is not None}
+    about = {"folder": str(judge.resolve()), "unseen_space": scene.views is not None}
     return {**about, "known": scene.unseen, "sure": sure, "nothing_sure": nothing}
 
 
@@ -79,35 +84,32 @@ def _write_page(
 def run(config: PredictConfig, folder: Path) -> None:
     """Read the scene, propose grasps, write them into `folder` in every format, with a page and a picture."""
     check_files(config, "input", "intrinsics", "poses", "mask", "segments")
-    check_model(config.model)
-    check_judge(config.judge)
+    votes, judge = model_and_judge(config.model, config.judge)
 
     import numpy as np
 
-    from spgf_torch.affordance.model import check_device, model_settings
+    from spgf_torch.affordance.model import check_device
     from spgf_torch.exporting.graspnet import write_graspnet
     from spgf_torch.exporting.grasps_json import write_grasps
     from spgf_torch.exporting.isaac import write_isaac
     from spgf_torch.exporting.table import grasp_table
-    from spgf_torch.predictor import Predictor
+    from spgf_torch.predictor import Predictor, sensing_of
     from spgf_torch.scene.assembly import read_scene
 
-    stages, folder_of_model = Stages(), find(config.model)
+    stages = Stages()
     check_device(config.device)
-    sensing = typed(SensingConfig, model_settings(folder_of_model)["sensing"])
+    sensing = sensing_of(votes, judge)
     with stages.stage("scene", 1, "input") as advance:
         scene = read_scene(config, sensing, np.random.default_rng(config.seed))
         advance(1)
     for note in scene.notes:
         show(note)
     with stages.stage("model", 1, "model") as advance:
-        predictor = Predictor.load(
-            folder_of_model, config.device, config.proposing, config.retreat, config.judge
-        ).ready()
+        how = (config.device, config.proposing, config.retreat, config.judge)
+        predictor = Predictor.load(config.model, *how).ready()
         advance(1)
-    show(f"model: {folder_of_model.resolve()}, K = {len(predictor.model.centres)}")
-    if judge := _judge(predictor, scene, config):
-        show(judge)
+    for line in (ranking := _ranking(predictor, votes, judge, scene)):
+        show(line)
     start = time.perf_counter()
     with stages.stage("grasps", len(scene.texlets), "texlets") as advance:
         grasps = predictor.predict(scene, config.N)
@@ -115,11 +117,11 @@ def run(config: PredictConfig, folder: Path) -> None:
     seconds = time.perf_counter() - start
 
     doubts = _doubts(grasps, predictor, scene)
-    write_grasps(folder / "grasps.json", grasps, predictor.grippers, judge_head(grasps, predictor, scene, config))
+    write_grasps(folder / "grasps.json", grasps, predictor.grippers, judge_head(grasps, predictor, scene, judge))
     write_isaac(folder / "isaac_grasp.yaml", grasps, predictor.grippers)
     write_graspnet(folder / "graspnet.npy", grasps, predictor.grippers)
     if len(scene.texlets):
-        _write_page(folder, grasps, predictor, scene, (doubts, judge))
+        _write_page(folder, grasps, predictor, scene, (doubts, *(ranking if judge else ())))
     if grasps:
         show(grasp_table(grasps[: config.N], predictor.names, targets=len(scene.targets) > 1))
     if doubts:

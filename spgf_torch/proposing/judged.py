@@ -5,14 +5,16 @@ The votes of local shapes (`propose`) take no part in the ranking; they are told
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
+from spgf_torch.affordance.sensed_collision import HandVolume
 from spgf_torch.config import ProposingConfig
 from spgf_torch.proposing.borders import clear_of_borders
-from spgf_torch.proposing.clearance import Surroundings
+from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import Seen, in_images, judge_features
@@ -41,13 +43,13 @@ class JudgedProposer:
     """A judge made ready to propose grasps.
 
     Attributes:
-        proposer: whose votes are told beside a grasp.
+        proposer: whose votes are told beside a grasp; None: none are.
     """
 
     judge: Judge
     search: Search
     config: ProposingConfig
-    proposer: Proposer
+    proposer: Proposer | None
 
     @staticmethod
     def of(judge: Judge, proposer: Proposer) -> JudgedProposer:
@@ -55,10 +57,20 @@ class JudgedProposer:
         judge.check_hand(proposer.model.settings.get("hand"), "the model's hand")
         return JudgedProposer(judge, Search.of(proposer.clearance, judge.hypotheses), proposer.config, proposer)
 
+    @staticmethod
+    def alone(judge: Judge, volumes: Mapping[str, HandVolume], config: ProposingConfig) -> JudgedProposer:
+        """Without a model whose votes could be told; `volumes`: grasp type -> the open hand."""
+        clearance = Clearance(volumes, config.plane_clearance, config.between, config.obstacle_clearance)
+        return JudgedProposer(judge, Search.of(clearance, judge.hypotheses), config, None)
+
     def propose(self, seen: Seen, around: Surroundings = NOTHING) -> Proposals:
         """Grasps for what is seen, the most probable first, with the votes of local shapes on each."""
         found = ranked(self.judge, self.search, self.config, seen, around)
-        proposer, device = self.proposer, self.proposer.model.centres.device
+        if (proposer := self.proposer) is None:
+            none = torch.zeros(len(found.poses), dtype=torch.int64)
+            score, nobody = found.probability, ((),) * len(none)
+            return Proposals(found.poses.T, found.poses.grasp_type, score, score, none, nobody, found.factors)
+        device = proposer.model.centres.device
         T, grasp_type = found.poses.T.to(device), found.poses.grasp_type.to(device)
         votes = proposer.votes(T, grasp_type, proposer.voters(proposer.described(seen.texlets)))
         score = found.probability.to(device)

@@ -24,6 +24,8 @@ from spgf_torch.evaluate import run as evaluate
 from spgf_torch.exporting.grasps_json import read_grasps
 from spgf_torch.exporting.records import Grasp
 from spgf_torch.predict import run as predict
+from spgf_torch.predictor import Predictor
+from spgf_torch.proposing.judge import load_judge
 from spgf_torch.proposing.judge_features import NAMES as NUMBERS
 from spgf_torch.proposing.judge_features import Seen, judge_features
 from spgf_torch.proposing.judged import JudgedProposer
@@ -35,6 +37,9 @@ ROOT = Path(__file__).parents[2]
 NAMES = ("bowl_sugar", "jar_jam", "tumbler", "soap_bar", "box_tea", "egg")
 SMALL = ["K=3", "folds=2", "bootstrap=100", "sensing.width=160", "sensing.height=120", "sensing.focal=144"]
 SMALL += ["affordance.features_per_object=40", "prototypes.restarts=1", "prototypes.subsample=1000", "inner_grasps=100"]
+TINY = {"candidates": 12, "rounds": 1, "best": 1, "random": 1, "one_view": 1, "four_views": 0, "hypotheses.seeds": 6}
+TINY |= {"hypotheses.hypotheses": 60, "learning.trees": 5, "learning.least": 3}
+LEARN = ["judge=learn", *(f"+judging.{key}={value}" for key, value in TINY.items())]
 
 
 def composed(command: str, *overrides: str) -> Any:
@@ -44,7 +49,7 @@ def composed(command: str, *overrides: str) -> Any:
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A working folder: a tiny model of the SDH-2, judges of two hands, a mesh, a depth image of it on a table."""
+    """A working folder: a tiny model of the SDH-2 with a judge, judges of two hands, a mesh, a depth image of it."""
     folder = tmp_path_factory.mktemp("judged")
     for name in ("objects", "trials", "scans"):
         (folder / name).mkdir()
@@ -52,8 +57,12 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(ROOT / f"data/objects/{name}.yaml", folder / "objects")
         shutil.copy(ROOT / f"data/trials/{name}.parquet", folder / "trials")
     shutil.copy(ROOT / "data/trials/config.yaml", folder / "trials")
-    done = call("train", "objects=objects", "trials=trials", *SMALL, cwd=folder)
+    done = call("train", "objects=objects", "trials=trials", "workers=1", *SMALL, *LEARN, cwd=folder)
     assert done.returncode == 0, done.stderr
+    (folder / "stdout.txt").write_text(done.stdout)
+    (folder / "alone").mkdir()
+    for name in ("judge.json", "judge.safetensors"):
+        shutil.copy(folder / "outputs/train/latest" / name, folder / "alone")
     saved(quick_judge(), folder / "judge")
     saved(quick_judge("panda"), folder / "panda")
     saved(quick_judge(sure=1.0), folder / "doubting")
@@ -92,6 +101,40 @@ def test_predict_ranks_by_the_judge(place: Path) -> None:
     assert "then holds with" in page and "shapes that voted" in page and "(usual " in page and "the table" in page
     assert len(grasps) >= 5 and said == sorted(said, reverse=True) and (run / "index.html").is_file()
     assert min(grasp.T_input_tcp[2, 3] for grasp in grasps) > 0.0  # above the table
+
+
+def test_train_leaves_a_model_with_its_judge(place: Path) -> None:
+    run = place / "outputs/train/latest"
+    judge, results = load_judge(run), json.loads((run / "results.json").read_text())
+    assert set(judge.taught) == set(NAMES) and judge.settings["sensing"]["width"] == 160
+    assert results["judge"]["trials"] == judge.results["trials"] and results["success_rate"]
+    assert "Judge of grasp hypotheses" in (run / "JUDGE.md").read_text() and (run / "README.md").is_file()
+    assert {path.stem for path in (run / "own_trials").iterdir()} == set(NAMES)
+    assert not (run / "trials").exists()  # they were given
+    told = (place / "stdout.txt").read_text()
+    assert "judge=none" in told and "Held in SAPIEN" in told
+
+
+def test_a_model_that_carries_a_judge_is_ranked_by_it(place: Path) -> None:
+    """With judge=none by the votes; a judge alone proposes the same without a model."""
+    run, alone = place / "outputs/train/latest", place / "alone"
+    depth, camera = image(trimesh.load_mesh(place / "scans/block.ply"))
+    scene = Scene.from_depth(depth, camera.K, camera.T_object_camera, table="find")
+    own, by_itself = Predictor.load(run), spgf_torch.load(alone)
+    found, same = own.predict(scene, top=3), by_itself.predict(scene, top=3)
+    assert own.judged and [g.probability for g in found] == [g.probability for g in same]
+    assert all(np.array_equal(a.T_input_tcp, b.T_input_tcp) for a, b in zip(found, same, strict=True))
+    assert by_itself.model is None and all(not grasp.voted_by for grasp in same)
+    assert Predictor.load(run, judge="none").judged is None and Predictor.load("none", judge=alone).model is None
+
+
+def test_predict_tells_what_ranks(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(place)
+    predict(typed(PredictConfig, composed("predict", *DEPTH, "model=alone", "N=3")), tmp_path)
+    told = capsys.readouterr().out
+    assert "which ranks" in told and "model: " not in told and (tmp_path / "index.html").is_file()
 
 
 def test_a_bare_cloud_is_told_that_unseen_space_is_not_known(
@@ -175,7 +218,7 @@ def test_a_judge_in_python(place: Path) -> None:
         )
     )
     assert isinstance(model.judged, JudgedProposer)
-    plain = spgf_torch.load(place / "outputs/train/latest")
+    plain = spgf_torch.load(place / "outputs/train/latest", judge="none")
     assert plain.judged is None and all(grasp.judged is None for grasp in plain.predict(scene.texlets, top=5))
 
 
@@ -188,9 +231,12 @@ def test_evaluate_executes_what_the_judge_ranks(place: Path, monkeypatch: pytest
     assert json.loads(Path("judged/results.json").read_text())["learned_from"] == 0
     assert found["judge"] == "judge" and found["table"] and 0 <= found["top_N"] <= 1 and 0 <= found["ece"] <= 1
     Path("votes").mkdir()
-    evaluate(typed(EvaluateConfig, composed("evaluate", *few, "table=true")), Path("votes"))
+    evaluate(typed(EvaluateConfig, composed("evaluate", *few, "table=true", "judge=none")), Path("votes"))
     results = json.loads(Path("votes/results.json").read_text())
     assert results["judged"]["judge"] is None and "ece" not in results["judged"]
+    Path("by itself").mkdir()
+    evaluate(typed(EvaluateConfig, composed("evaluate", *few[:-1], "model=alone")), Path("by itself"))
+    assert json.loads(Path("by itself/results.json").read_text())["judged"]["judge"] == "alone"
 
 
 def test_rates_on_objects_that_taught_the_judge_are_told_to_be_none_of_novel_ones() -> None:
@@ -216,7 +262,10 @@ def test_rates_on_objects_that_taught_the_judge_are_told_to_be_none_of_novel_one
         ("evaluate", ["judge=panda"], ["judge", "sdh2", "panda", "python -m spgf_torch.judge hand=sdh2"]),
         ("predict", ["judge=nowhere"], ["judge", "nowhere"]),
         ("predict", ["judge=panda"], ["judge", "the model's hand", "panda"]),
-        ("predict", ["judge=outputs/train/latest"], ["judge.json"]),
+        ("predict", ["judge=scans"], ["judge.json", "scans"]),
+        ("predict", ["model=none"], ["judge", "model=none"]),
+        ("predict", ["model=alone", "judge=none"], ["judge", "model=alone"]),
+        ("predict", ["model=nowhere", "judge=judge"], ["nowhere/model.json", "model=none"]),
     ],
 )
 def test_what_does_not_go_together_is_refused(
