@@ -25,6 +25,8 @@ DESCRIPTORS = ("spgf", "fpfh", "patch_pairs")
 RANKINGS = ("paper", "log_odds", "log_odds_free", "calibrated")
 # The one of these that cross-validation inside the training folds chose, in each fold anew.
 NESTED = "nested"
+# A learned judge's probability (judging/candidates.py), where it is asked for.
+JUDGE = "judge"
 
 T = TypeVar("T")
 
@@ -131,6 +133,7 @@ class SceneConfig:
     table_width: float = bounded(0.01, 10.0)
     table_hypotheses: int = bounded(10, 100_000)
     gravity: Any = text()
+    border: float = bounded(0.0, 0.5)
     neighbours: int = bounded(5, 200)
     normal_radius: float = bounded(0.001, 0.1)
     min_neighbours: int = bounded(3, 200)
@@ -349,7 +352,7 @@ class TrainConfig(ObjectsConfig):
     N: int = bounded(1, 1000)
     folds: int = bounded(2, 50)
     seed: int = bounded(0, 2**31 - 1)
-    ranking: str = choice(*RANKINGS, NESTED)
+    ranking: str = choice(*RANKINGS, NESTED, JUDGE)
     inner_grasps: int = bounded(10, 1_000_000)
     trials_per_object: int = bounded(1, 1_000_000)
     training_objects: int = bounded(2, 1_000_000)
@@ -468,7 +471,7 @@ class ReportConfig:
     """`python -m spgf_torch.report`: Table 1, figures and a page from runs of train."""
 
     runs: Any = text()
-    ranking: str = choice("nested", "paper", "log_odds", "log_odds_free", "calibrated")
+    ranking: str = choice(NESTED, *RANKINGS, JUDGE)
     rankings: list[str] = field(default_factory=list)
     show: int | None = field(default=None)
     objects: int = bounded(1, 100)

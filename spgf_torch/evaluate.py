@@ -54,9 +54,10 @@ def run(config: EvaluateConfig, folder: Path) -> None:
         show(scans_table(found.scans))
 
     objects, start = found.objects, time.perf_counter()
-    judge = _judge(objects, config)
-    if not config.held_out and (known := learned_from(objects, meets(objects[0]).model)):
-        show(f"the model learned from {known} of these objects: held_out=true asks models that have not seen them")
+    judge = _judge(config)
+    known = _known(objects, meets(objects[0]).model, judge, config)
+    for line in (doubts := known_lines(known, judge, len(objects))):
+        show(line)
     restored = [meets(obj) for obj in objects]
     if config.candidates == "proposed":
         grasps, scores = proposed(restored, objects, config, stages, judge)
@@ -67,14 +68,14 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     trials = Trials(load_hand(config.hand), config.episode)
     executed = execute_best(objects, grasps, scores, trials, config, stages)
     results = executed_results(outcomes_of(objects, executed, each), config)
-    results |= _judged(executed, scores, config)
+    results |= {"learned_from": known, **_judged(executed, scores, config)}
     write_json(folder / "results.json", results)
     failures = failures_picture(objects, grasps, executed, config.hand.openings)
     if failures:
         write_bytes(folder / "failures.png", failures)
-    show(executed_table(results))
     pictured = "failures.png shows the CG grasps that failed" if failures else "no CG grasp failed: no picture"
-    show(f"results and settings in {folder}; {pictured}")
+    for content in (executed_table(results), *doubts, f"results and settings in {folder}; {pictured}"):
+        show(content)
 
 
 def _check_judge(config: EvaluateConfig) -> None:
@@ -85,24 +86,38 @@ def _check_judge(config: EvaluateConfig) -> None:
             raise InputError(f"{key}: expected with candidates=proposed, got {config.candidates}")
     if config.judge is not None and config.held_out:
         raise InputError(
-            "judge: expected held_out=false, got true: one judge has no folds; how it does on objects that it has not "
-            "seen is in its README.md"
+            "held_out: expected false with judge=, got true: one judge has no folds; how it does on objects that it "
+            "has not seen is in its README.md, and train ranking=judge cross-validates judges on candidates"
         )
 
 
-def _judge(objects: Sequence[GraspObject], config: EvaluateConfig) -> Judge | None:
-    """The judge that the settings name; a line tells where it has learned from these objects."""
+def _judge(config: EvaluateConfig) -> Judge | None:
+    """The judge that the settings name."""
     from spgf_torch.config import plain
-    from spgf_torch.progress import show
     from spgf_torch.proposing.judge import load_judge
 
     if config.judge is None:
         return None
     judge = load_judge(find(config.judge))
     judge.check_hand(plain(config.hand), "this hand")
-    if known := sum(obj.digest in judge.taught.values() for obj in objects):
-        show(f"the judge learned from {known} of these objects: its README.md has its rates on held-out ones")
     return judge
+
+
+def _known(objects: Sequence[GraspObject], model: GraspModel, judge: Judge | None, config: EvaluateConfig) -> int:
+    """From how many of the objects it has learned who ranks: the judge, or else the model."""
+    if judge is not None:
+        return sum(obj.digest in judge.taught.values() for obj in objects)
+    return 0 if config.held_out else learned_from(objects, model)
+
+
+def known_lines(known: int, judge: Judge | None, count: int) -> list[str]:
+    """What to say of rates on `count` objects, `known` of which taught who ranks."""
+    if not known:
+        return []
+    who, instead = "model", "held_out=true asks models that have not seen them"
+    if judge is not None:
+        who, instead = "judge", "its README.md has its rates on held-out ones"
+    return [f"not novel: the {who} learned from {known} of these {count} objects; {instead}"]
 
 
 def _judged(executed: Sequence[Executed], scores: Sequence[Tensor], config: EvaluateConfig) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from spgf_torch.cli import door
 from spgf_torch.config import GRASP_TYPES, PredictConfig, SensingConfig, find, typed
@@ -19,31 +19,61 @@ if TYPE_CHECKING:
     from spgf_torch.scene.scene import Scene
 
 
-UNKNOWN = "without unseen space, which only depth images tell: behind what is seen nothing is known to be there"
-
-
 def by_type(grasps: Sequence[Grasp]) -> str:
     """How many there are of each type: `10 NPG, 10 WPG`."""
     counted = Counter(grasp.type for grasp in grasps)
     return ", ".join(f"{counted[kind]} {kind}" for kind in GRASP_TYPES)
 
 
-def _tell_judge(predictor: Predictor, scene: Scene, config: PredictConfig) -> None:
+def _judge(predictor: Predictor, scene: Scene, config: PredictConfig) -> str | None:
     """Which judge, if any, and what it knows."""
-    if predictor.judged is not None:
-        known = f"unseen space from {len(scene.views)} depth images" if scene.views else UNKNOWN
-        show(f"judge: {find(str(config.judge)).resolve()}, {known}")
+    known = scene.unseen or "without unseen space"
+    return None if predictor.judged is None else f"judge: {find(str(config.judge)).resolve()}, {known}"
 
 
-def _tell_doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> None:
+def judge_head(
+    grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, config: PredictConfig
+) -> dict[str, Any] | None:
+    """What grasps.json says of the judge: where it is, what it knew, below which probability nothing is sure."""
+    if predictor.judged is None:
+        return None
+    sure = predictor.judged.judge.sure
+    nothing = not grasps or grasps[0].probability < sure
+    about = {"folder": str(find(str(config.judge)).resolve()), "unseen_space": scene.views is not None}
+    return {**about, "known": scene.unseen, "sure": sure, "nothing_sure": nothing}
+
+
+def _doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> str | None:
     """Why there is no grasp, or that none is sure."""
     judged = predictor.judged
     if not grasps:
         nothing = "no shape here votes for any" if judged is None else "there is nothing to close on"
-        show(f"no grasp: {scene.no_grasp or f'{nothing} that the open hand could reach freely'}")
-    elif judged is not None and grasps[0].probability < judged.judge.sure:
-        best, sure = grasps[0].probability, judged.judge.sure
-        show(f"nothing sure: the best holds with a probability of {best:.0%}, less than {sure:.0%}")
+        away = "" if scene.borders is None else ", away from the borders of what was seen"
+        return f"no grasp: {scene.no_grasp or f'{nothing} that the open hand could reach freely{away}'}"
+    if judged is None or grasps[0].probability >= judged.judge.sure:
+        return None
+    best, sure = grasps[0].probability, judged.judge.sure
+    return f"nothing sure: the best holds with a probability of {best:.0%}, less than {sure:.0%}"
+
+
+def _write_page(
+    folder: Path, grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, told: Sequence[str | None]
+) -> None:
+    """The page and the picture, with the lines that are told."""
+    from spgf_torch.exporting.scene import Beside
+    from spgf_torch.exporting.scene_page import write_scene_page
+    from spgf_torch.exporting.weighed_words import weighed_words
+    from spgf_torch.proposing.weighing import weighed
+
+    words: tuple[str, ...] = ()
+    if predictor.judged is not None:
+        known = [grasp.numbers for grasp in grasps if grasp.numbers is not None]
+        words = tuple(map(weighed_words, weighed(predictor.judged.judge, known)))
+    lines = tuple(line for line in told if line)
+    beside = Beside(scene.obstacles.double().numpy(), scene.table, lines, scene.notes, words)
+    positions, normals = scene.texlets.positions.double().numpy(), scene.texlets.normals.double().numpy()
+    pictures = folder / "index.html", folder / "grasps.png"
+    write_scene_page(*pictures, positions, normals, grasps, predictor.grippers, predictor.names, beside)
 
 
 def run(config: PredictConfig, folder: Path) -> None:
@@ -58,7 +88,6 @@ def run(config: PredictConfig, folder: Path) -> None:
     from spgf_torch.exporting.graspnet import write_graspnet
     from spgf_torch.exporting.grasps_json import write_grasps
     from spgf_torch.exporting.isaac import write_isaac
-    from spgf_torch.exporting.scene_page import write_scene_page
     from spgf_torch.exporting.table import grasp_table
     from spgf_torch.predictor import Predictor
     from spgf_torch.scene.assembly import read_scene
@@ -77,27 +106,28 @@ def run(config: PredictConfig, folder: Path) -> None:
         ).ready()
         advance(1)
     show(f"model: {folder_of_model.resolve()}, K = {len(predictor.model.centres)}")
-    _tell_judge(predictor, scene, config)
+    if judge := _judge(predictor, scene, config):
+        show(judge)
     start = time.perf_counter()
     with stages.stage("grasps", len(scene.texlets), "texlets") as advance:
         grasps = predictor.predict(scene, config.N)
         advance(len(scene.texlets))
     seconds = time.perf_counter() - start
 
-    write_grasps(folder / "grasps.json", grasps, predictor.grippers)
+    doubts = _doubts(grasps, predictor, scene)
+    write_grasps(folder / "grasps.json", grasps, predictor.grippers, judge_head(grasps, predictor, scene, config))
     write_isaac(folder / "isaac_grasp.yaml", grasps, predictor.grippers)
     write_graspnet(folder / "graspnet.npy", grasps, predictor.grippers)
-    positions, normals = (t.double().numpy() for t in (scene.texlets.positions, scene.texlets.normals))
-    names, pictures = predictor.names, (folder / "index.html", folder / "grasps.png")
-    if len(positions):
-        write_scene_page(*pictures, positions, normals, grasps, predictor.grippers, names)
+    if len(scene.texlets):
+        _write_page(folder, grasps, predictor, scene, (doubts, judge))
     if grasps:
-        show(grasp_table(grasps[: config.N], names, targets=len(scene.targets) > 1))
-    _tell_doubts(grasps, predictor, scene)
+        show(grasp_table(grasps[: config.N], predictor.names, targets=len(scene.targets) > 1))
+    if doubts:
+        show(doubts)
     for target in scene.targets if len(scene.targets) > 1 else ():
         show(f"target {target}: {sum(grasp.target == target for grasp in grasps)} grasps")
     show(f"{len(grasps)} grasps ({by_type(grasps)}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
-    show(f"files{' and page' if len(positions) else ''} in {folder}")
+    show(f"files{' and page' if len(scene.texlets) else ''} in {folder}")
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from spgf_torch.affordance.model import GraspModel, check_device, load_model
 from spgf_torch.affordance.sensed_collision import hand_volume
 from spgf_torch.config import HandConfig, InputError, ProposingConfig, SceneConfig, SensingConfig, find, settings, typed
 from spgf_torch.exporting.records import Grasp, Gripper, grippers_of, make_grasp
+from spgf_torch.proposing.borders import Borders
 from spgf_torch.proposing.clearance import Plane, Surroundings
 from spgf_torch.proposing.judge import load_judge
 from spgf_torch.proposing.judge_features import Seen
@@ -153,7 +154,8 @@ class Predictor:
         up = None
         if scene.table is None and scene.gravity is not None:
             up = (torch.from_numpy(scene.gravity.up).float(), scene.gravity.steepest)
-        return Surroundings(scene.obstacles, _table(scene.table), up, self.retreat)
+        borders = Borders.of(scene.texlets.positions, scene.borders)
+        return Surroundings(scene.obstacles, _table(scene.table), up, self.retreat, borders)
 
     def propose(self, texlets: Texlets, plane: np.ndarray | None = None) -> Proposals:
         """All proposals, as tensors on the model's device."""
@@ -182,7 +184,8 @@ class Predictor:
             if proposals.judged is not None:
                 free, holds = proposals.judged[i].tolist()
                 judged = (free, holds)
-            found.append(replace(grasp, score=float(proposals.score[i]), judged=judged))
+            numbers = proposals.numbers[i] if proposals.numbers else None
+            found.append(replace(grasp, score=float(proposals.score[i]), judged=judged, numbers=numbers))
         return found
 
 

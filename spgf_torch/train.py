@@ -1,4 +1,7 @@
-"""`python -m spgf_torch.train +K=20`: the experiment of the paper, and a model learned on all objects."""
+"""`python -m spgf_torch.train +K=20`: the experiment of the paper, and a model learned on all objects.
+
+`ranking=judge` has candidates ranked by a learned judge, too (`judging.candidates`), cross-validated like the votes.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spgf_torch.cli import door
-from spgf_torch.config import InputError, TrainConfig
+from spgf_torch.config import JUDGE, InputError, TrainConfig
 from spgf_torch.given import check_folder
 from spgf_torch.progress import Stages, show
 
@@ -28,7 +31,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.evaluation.files import write_per_object, write_predictions, write_results
     from spgf_torch.evaluation.novel import novel_objects
     from spgf_torch.evaluation.results import build_results
-    from spgf_torch.evaluation.tables import calibration_line, chosen_line, results_table
+    from spgf_torch.evaluation.tables import calibration_line, chosen_line, judge_lines, results_table
     from spgf_torch.experiment.costs import prediction_ms
     from spgf_torch.experiment.describe import Description
     from spgf_torch.experiment.experiment import Experiment
@@ -54,8 +57,14 @@ def run(config: TrainConfig, folder: Path) -> None:
     described = describe.describe(objects, [t.grasps for t in tried], stages)
     examples = [Example(d, t.success.to(config.device)) for d, t in zip(described, tried, strict=True)]
     learned = Experiment.of(config, design, objects, examples, cache).run(stages)
+    predicted = learned.predicted
+    if config.ranking == JUDGE:
+        from spgf_torch.judging.candidates import CandidateRanking  # brings scikit-learn
 
-    novel, model = novel_objects(objects, tried, learned.predicted, design.fold), learned.model
+        scores = CandidateRanking.of(config, cache).scores(design, objects, tried, examples, stages)
+        predicted = [each.joined_by(JUDGE, score) for each, score in zip(predicted, scores, strict=True)]
+
+    novel, model = novel_objects(objects, tried, predicted, design.fold), learned.model
     results = build_results(novel, config, dataset_digest(objects, tried)) | {"from_cache": dict(cache.hits)}
     if model is not None:
         size = save_model(model, folder)
@@ -67,7 +76,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     write_per_object(folder / "per_object.csv", novel, config.N)
     write_predictions(folder / "predictions.parquet", novel)
     write_results(folder, {**results, "seconds": {**stages.seconds, "total": time.perf_counter() - start}})
-    for content in (results_table(results), chosen_line(results), calibration_line(results)):
+    for content in (results_table(results), chosen_line(results), calibration_line(results), *judge_lines(results)):
         show(content)
     show(f"results, model and settings in {folder}" if model else f"results and settings in {folder}")
 

@@ -11,12 +11,14 @@ import torch
 from torch import Tensor
 
 from spgf_torch.config import ProposingConfig
+from spgf_torch.proposing.borders import clear_of_borders
 from spgf_torch.proposing.clearance import Surroundings
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import Seen, in_images, judge_features
 from spgf_torch.proposing.propose import NOTHING, Pool, Proposals, Proposer, votes_by_prototype
 from spgf_torch.proposing.spreading import suppress
+from spgf_torch.proposing.weighing import Numbers
 
 
 @dataclass(frozen=True)
@@ -25,11 +27,13 @@ class Ranked:
 
     Attributes:
         factors (G, 2) f64: of a judge P(free) and P(holds | free), whose product that is; None of another ranking.
+        numbers: what it knew of each; () of another ranking.
     """
 
     poses: Hypotheses
     probability: Tensor
     factors: Tensor | None = None
+    numbers: tuple[Numbers, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -59,23 +63,35 @@ class JudgedProposer:
         votes = proposer.votes(T, grasp_type, proposer.voters(proposer.described(seen.texlets)))
         score = found.probability.to(device)
         support = torch.bincount(votes.grasp, minlength=len(T))
-        return Proposals(T, grasp_type, score, score, support, tuple(votes_by_prototype(votes, len(T))), found.factors)
+        voted_by = tuple(votes_by_prototype(votes, len(T)))
+        return Proposals(T, grasp_type, score, score, support, voted_by, found.factors, found.numbers)
 
 
 def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, around: Surroundings) -> Ranked:
     """The most probable grasps, no two of which are the same, at most `config.count` of each type."""
     hypotheses = search.hypotheses(seen.texlets, around)
     hypotheses = hypotheses.at(in_images(seen, hypotheses, search))
+    regions = [hand.region for hand in search.hands]
+    clear = clear_of_borders(around.borders, hypotheses.T, hypotheses.grasp_type, regions)
+    hypotheses = hypotheses.at(clear)
     numbers = judge_features(seen, hypotheses, search)
     factors = torch.stack(judge.both(numbers, images=bool(seen.views)), dim=1)
-    return best_of(hypotheses, factors.prod(1).float(), config, factors)
+    kept = best_indices(hypotheses, score := factors.prod(1).float(), config)
+    usual = numbers.median(0).values if len(numbers) else numbers
+    known = tuple(Numbers(numbers[i], usual, bool(seen.views)) for i in kept.tolist())
+    return Ranked(hypotheses.at(kept), score[kept], factors[kept], known)
 
 
-def best_of(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig, factors: Tensor | None = None) -> Ranked:
+def best_of(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig) -> Ranked:
     """The highest scores (H,) f32, no two of the same grasp, at most `config.count` of each type."""
+    kept = best_indices(hypotheses, score, config)
+    return Ranked(hypotheses.at(kept), score[kept])
+
+
+def best_indices(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig) -> Tensor:
+    """(G,) int64, those of `best_of`, the best first."""
     alike = torch.zeros_like(hypotheses.grasp_type)  # a wide and a narrow grasp of one place are one grasp
     kept = suppress(hypotheses.T, alike, score, config.apart, config.apart_deg)
     pool = Pool(hypotheses.T[kept], hypotheses.grasp_type[kept], score[kept])
     kept = kept[of_each := pool.best_of_each_type(config.count)]
-    kept = kept[torch.argsort(pool.score[of_each], descending=True, stable=True)]
-    return Ranked(hypotheses.at(kept), score[kept], None if factors is None else factors[kept])
+    return kept[torch.argsort(pool.score[of_each], descending=True, stable=True)]

@@ -2,7 +2,10 @@
 
 import json
 import shutil
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,10 +19,15 @@ from omegaconf import OmegaConf
 
 import spgf_torch
 from spgf_torch.config import EvaluateConfig, InputError, PredictConfig, SensingConfig, settings, typed
+from spgf_torch.evaluate import _known, known_lines
 from spgf_torch.evaluate import run as evaluate
 from spgf_torch.exporting.grasps_json import read_grasps
+from spgf_torch.exporting.records import Grasp
 from spgf_torch.predict import run as predict
+from spgf_torch.proposing.judge_features import NAMES as NUMBERS
+from spgf_torch.proposing.judge_features import Seen, judge_features
 from spgf_torch.proposing.judged import JudgedProposer
+from spgf_torch.scene.depth import pixel_points
 from spgf_torch.scene.scene import Scene
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
 
@@ -74,13 +82,14 @@ DEPTH = ["input=depth.npy", "intrinsics=K.txt", "poses=pose.txt", "table=find", 
 def test_predict_ranks_by_the_judge(place: Path) -> None:
     done = call("predict", *DEPTH, "judge=judge", "N=5", cwd=place)
     assert done.returncode == 0, done.stderr
-    assert "judge: " in done.stdout and "unseen space from 1 depth images" in done.stdout
+    assert "judge: " in done.stdout and "unseen space from 1 depth image" in done.stdout
     run = place / "outputs/predict/latest"
     grasps = read_grasps(run / "grasps.json")
     said = [grasp.probability for grasp in grasps]
     for grasp in grasps:
         assert grasp.judged is not None and grasp.probability == pytest.approx(np.prod(grasp.judged), abs=1e-6)
-    assert "then holds with" in (run / "index.html").read_text()
+    page = (run / "index.html").read_text()
+    assert "then holds with" in page and "shapes that voted" in page and "(usual " in page and "the table" in page
     assert len(grasps) >= 5 and said == sorted(said, reverse=True) and (run / "index.html").is_file()
     assert min(grasp.T_input_tcp[2, 3] for grasp in grasps) > 0.0  # above the table
 
@@ -97,6 +106,56 @@ def test_a_bare_cloud_is_told_that_unseen_space_is_not_known(
     predict(typed(PredictConfig, config), Path("bare"))
     told = capsys.readouterr().out
     assert "without unseen space" in told and "nothing sure" in told
+    head = json.loads(Path("bare/grasps.json").read_text())["judge"]
+    assert not head["unseen_space"] and "without unseen space" in head["known"] and head["nothing_sure"]
+    page = Path("bare/index.html").read_text()
+    assert "without unseen space" in page and "nothing sure" in page
+    Path("posed").mkdir()
+    seen = composed("predict", "input=cloud.npy", "viewpoints=[[0.4,0.1,0.45]]", "model=outputs/train/latest")
+    predict(typed(PredictConfig, seen | {"judge": "judge", "N": 3}), Path("posed"))
+    assert "hidden from the 1 viewpoint given" in capsys.readouterr().out  # the block was sampled on all sides
+
+
+def test_a_cloud_with_its_viewpoint_tells_unseen_space(place: Path) -> None:
+    """Points of the depth image, and the camera's place: the judge says nearly the same as with the image."""
+    model = spgf_torch.load(place / "outputs/train/latest", judge=place / "judge")
+    depth, camera = image(trimesh.load_mesh(place / "scans/block.ply"))
+    eye = camera.T_object_camera[:3, 3]
+    points = pixel_points(depth, camera)[depth > 0]
+    by_image = Scene.from_depth(depth, camera.K, camera.T_object_camera, table=[0, 0, 1, 0])
+    by_cloud = Scene.from_points(points, eye, table=[0, 0, 1, 0], sensing=model.sensing)
+    assert by_cloud.views is not None and "1 viewpoint" in by_cloud.unseen
+    assert model.judged is not None
+    search, texlets = model.judged.search, by_image.texlets
+    hypotheses = search.hypotheses(texlets, model.surroundings(by_image))
+    numbers = [judge_features(Seen(texlets, s.views or ()), hypotheses, search) for s in (by_image, by_cloud)]
+    worst = NUMBERS.index("worst_finger")
+    assert numbers[0][:, worst].max() > 0.5 and (numbers[0] - numbers[1])[:, worst].abs().mean() < 0.03
+
+
+def test_nothing_is_gripped_where_a_crop_box_cuts(place: Path) -> None:
+    """Half a plate is the target: its cut side looks like an edge. Without the border hands come over it."""
+    plate = trimesh.creation.box((0.3, 0.1, 0.01))
+    plate.apply_translation((0, 0, 0.08))
+    depth, camera = image(plate)
+    box = {"crop_low": [-0.04, -1, 0.07], "crop_high": [0.04, 1, 0.1]}
+    scene = Scene.from_depth(depth, camera.K, camera.T_object_camera, table=[0, 0, 1, 0], **box)
+    for judge in (place / "judge", None):
+        model = spgf_torch.load(place / "outputs/train/latest", judge=judge)
+        bare = replace(scene, borders=None)
+        with_border, without = (over_the_cut(model.predict(s, top=20)) for s in (scene, bare))
+        assert with_border == 0 and (without > 0 or judge is None), (judge, without)
+
+
+def over_the_cut(grasps: Sequence[Grasp]) -> int:
+    """How many hands have the plane x = 40 or -40 mm of the plate between their fingers."""
+    edge = np.array([[x, y, 0.085] for x in (-0.04, 0.04) for y in np.linspace(-0.05, 0.05, 40)])
+    count = 0
+    for grasp in grasps:
+        at = (edge - grasp.T_input_tcp[:3, 3]) @ grasp.T_input_tcp[:3, :3]
+        low, high = np.array([-0.01, -0.005, -0.04]), np.array([0.01, 0.005, -0.015])
+        count += bool(((at > low) & (at < high)).all(1).any())
+    return count
 
 
 def test_a_judge_in_python(place: Path) -> None:
@@ -126,11 +185,25 @@ def test_evaluate_executes_what_the_judge_ranks(place: Path, monkeypatch: pytest
     Path("judged").mkdir()
     evaluate(typed(EvaluateConfig, composed("evaluate", *few, "judge=judge", "table=true")), Path("judged"))
     found = json.loads(Path("judged/results.json").read_text())["judged"]
+    assert json.loads(Path("judged/results.json").read_text())["learned_from"] == 0
     assert found["judge"] == "judge" and found["table"] and 0 <= found["top_N"] <= 1 and 0 <= found["ece"] <= 1
     Path("votes").mkdir()
     evaluate(typed(EvaluateConfig, composed("evaluate", *few, "table=true")), Path("votes"))
     results = json.loads(Path("votes/results.json").read_text())
     assert results["judged"]["judge"] is None and "ece" not in results["judged"]
+
+
+def test_rates_on_objects_that_taught_the_judge_are_told_to_be_none_of_novel_ones() -> None:
+    """The model's own objects do not matter where the judge ranks."""
+    egg, box = SimpleNamespace(digest="an egg's"), SimpleNamespace(digest="a box's")
+    judge, model = quick_judge(taught={"another name": egg.digest}), SimpleNamespace(settings={"taught": {}})
+    config = typed(EvaluateConfig, composed("evaluate", "objects=scans"))
+    assert _known([egg, box], model, judge, config) == 1 and _known([box], model, judge, config) == 0  # type: ignore[arg-type]
+    line = known_lines(1, judge, 2)[0]
+    assert line.startswith("not novel: the judge learned from 1 of these 2 objects") and known_lines(0, judge, 2) == []
+    model.settings = {"taught": {"box_tea": box.digest}}
+    assert _known([egg, box], model, None, config) == 1 and "held_out=true" in known_lines(1, None, 2)[0]  # type: ignore[arg-type]
+    assert _known([egg, box], model, None, replace(config, held_out=True)) == 0  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -139,7 +212,7 @@ def test_evaluate_executes_what_the_judge_ranks(place: Path, monkeypatch: pytest
         ("evaluate", ["judge=nowhere"], ["judge", "nowhere", "judge.json"]),
         ("evaluate", ["judge=judge", "candidates=sampled"], ["judge", "candidates=proposed"]),
         ("evaluate", ["table=true", "candidates=sampled"], ["table", "candidates=proposed"]),
-        ("evaluate", ["judge=judge", "held_out=true"], ["judge", "held_out=false"]),
+        ("evaluate", ["judge=judge", "held_out=true"], ["judge=", "held_out", "README.md"]),
         ("evaluate", ["judge=panda"], ["judge", "sdh2", "panda", "python -m spgf_torch.judge hand=sdh2"]),
         ("predict", ["judge=nowhere"], ["judge", "nowhere"]),
         ("predict", ["judge=panda"], ["judge", "the model's hand", "panda"]),
