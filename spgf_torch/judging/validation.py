@@ -136,32 +136,29 @@ def auc(score: np.ndarray, success: np.ndarray) -> float:
 def executed_table(results: dict[str, dict[str, Any]], best: int) -> Table:
     """`executed` for people, in percent."""
     table = Table(
-        title="Held in SAPIEN (%): hypotheses that judges chose who had not seen the object",
-        caption="(low-high): 95 % interval over objects. fit: of objects that fit the hand by their shape alone.\n"
-        "collided: all, fit. random: hypotheses picked at random. predicted, ECE, Brier: calibrated on other objects.",
+        title="Held in SAPIEN (%): the best of judges who had not seen the object",
+        caption="(low-high): 95 % interval over objects. fit: objects that fit the hand by their shape alone. random:\n"
+        "hypotheses picked at random. predicted, ECE, Brier: calibrated on other objects.",
         box=box.SIMPLE_HEAD,
     )
     table.add_column("")
-    headings = (f"top {best}", "top 1", "fit", f"fit: top {best}", "fit: top 1", "collided", "random", "predicted")
-    for heading in (*headings, "ECE", "Brier"):
-        table.add_column(heading, justify="right")
+    for heading in ("objects", f"top {best}", "top 1", "collided", "random", "predicted", "ECE", "Brier"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for name, row in results.items():
-        fit = row["fit"]
-        fitting = [f"{fit['objects']}/{row['objects']}", *_told(fit, best)] if fit else ["0", "", ""]
-        collided = (
-            f"{100 * row['collided']:.1f}, {100 * fit['collided']:.1f}" if fit else f"{100 * row['collided']:.1f}"
-        )
         shares = [f"{100 * row[key]:.1f}" for key in ("random", "predicted")]
-        table.add_row(name, *_told(row, best), *fitting, collided, *shares, f"{row['ece']:.3f}", f"{row['brier']:.3f}")
+        table.add_row(name, *_told(row, "", best), *shares, f"{row['ece']:.3f}", f"{row['brier']:.3f}")
+        if row["fit"]:
+            table.add_row("", *_told(row["fit"], " fit", best))
     return table
 
 
-def _told(rates: dict[str, Any], best: int) -> list[str]:
-    """Top `best` and top 1 with their intervals."""
-    return [
+def _told(rates: dict[str, Any], which: str, best: int) -> list[str]:
+    """How many objects, top `best` and top 1 with their intervals, collided."""
+    tops = [
         f"{100 * rates[key]:.1f} ({100 * rates[f'{key}_interval95'][0]:.0f}-{100 * rates[f'{key}_interval95'][1]:.0f})"
         for key in (f"top{best}", "top1")
     ]
+    return [f"{rates['objects']}{which}", *tops, f"{100 * rates['collided']:.1f}"]
 
 
 def _in(rows: Rows, clouds: dict[int, list[int]]) -> Tensor:

@@ -151,8 +151,8 @@ def load_judge(folder: Path) -> Judge:
                 raise InputError(f"{path}: {name}: expected the arrays of a judge, got others ({error})") from None
             factors[known, factor] = form
     settings, sure, taught, results = (document[key] for key in ("settings", "sure", "taught", "results"))
-    calibration = {name: tuple(curve) for name, curve in document["calibration"].items()}
-    return Judge(factors, settings, sure, taught, results, calibration)
+    curves = {name: (curve[0], curve[1], curve[2]) for name, curve in document["calibration"].items()}
+    return Judge(factors, settings, sure, taught, results, curves)
 
 
 def _tensors(path: Path, digest: str) -> dict[str, Tensor]:
@@ -175,7 +175,10 @@ def _document(path: Path) -> dict[str, Any]:
     document = json_values(path, "a judge's JSON", sealed=True)
     found = (document.get("format"), document.get("schema")) if isinstance(document, dict) else type(document).__name__
     if found != (FORMAT, SCHEMA):
-        raise InputError(f"{path}: expected format {FORMAT!r}, schema {SCHEMA}; got {found}")
+        raise InputError(
+            f"{path}: expected format {FORMAT!r}, schema {SCHEMA}; got {found}; learn it again: "
+            "python -m spgf_torch.judge hand=NAME"
+        )
     if document.get("numbers") != list(NAMES):
         raise InputError(f"{path}: expected a judge of this version's {len(NAMES)} numbers, got one of others")
     forms, wanted = document.get("forms"), {f"{known}.{factor}" for known in KNOWN for factor in FACTORS}
