@@ -45,7 +45,9 @@ SETS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "pairs": (("pairs",), "judge"),
     "votes": (("votes",), "judge"),
 }
-FEW = ((0.1, None), (0.2, None), (0.5, None), (1.0, None), (1.0, 5), (1.0, 10), (1.0, 20))
+# Learning curves: share of each object's trials, training objects (None: all), and the sets that are compared there.
+FEW = ((0.1, None), (0.2, None), (0.5, None), (1.0, 5), (1.0, 10), (1.0, 20))
+WITH_FEW = ("judge", "behind", "shares", "votes")
 # Sets whose best hypotheses are executed; "true" knows the mesh: the most that (a) could give.
 EXECUTED = ("judge", "depth", "behind", "true", "curvature", "shares", "pairs")
 BEST = 10
@@ -107,7 +109,8 @@ def compare(made: Tried, said: Mapping[str, Tensor], report: Report, **about: ob
         }
         free = {name: scores(p[at, 0].numpy(), rows.free[at].numpy(), *where, BEST) for name, p in said.items()}
         for name, its in by_set.items():
-            its, other = {**its, "free": free[name]["log_loss"]}, SETS[name][1]
+            other = SETS[name][1] if SETS[name][1] in said else "judge"
+            its = {**its, "free": free[name]["log_loss"]}
             base = {**by_set[other], "free": free[other]["log_loss"]}
             row = {score: float(np.nanmean(value)) for score, value in its.items()}
             if name != other:
@@ -115,9 +118,29 @@ def compare(made: Tried, said: Mapping[str, Tensor], report: Report, **about: ob
             report.row(hand=made.config.hand.name, **about, views=kind, set=name, against=other, **row)
 
 
+def behind_alone(made: Tried, clouds: Sequence[Described], folds: Mapping[int, Fold], report: Report) -> None:
+    """How well unseen points of held-out objects are told solid, by depth alone and by prototype and frame."""
+    said: dict[tuple[int, str], list[tuple[Tensor, Tensor, int]]] = {}
+    for cloud in clouds:
+        shapes = folds[int(made.fold[cloud.obj])].shapes
+        ids, views = cloud.prototype(shapes.centres), made.benches[cloud.obj].clouds[cloud.number].views
+        by_depth = shapes.one.solid(cloud, torch.zeros_like(ids))
+        for name, p in (("depth", by_depth), ("behind", shapes.local.solid(cloud, ids))):
+            said.setdefault((views, name), []).append((p, cloud.hidden.solid, cloud.obj))
+    for views in sorted({views for views, _ in said}):
+        by_set = {}
+        for name in ("depth", "behind"):
+            its = [part for part in said[views, name] if len(part[0])]
+            p, solid = (torch.cat([part[i] for part in its]).numpy() for i in (0, 1))
+            obj = np.repeat([part[2] for part in its], [len(part[0]) for part in its])
+            by_set[name] = scores(p, solid, obj, np.zeros_like(obj), BEST)
+        row = {score: float(np.nanmean(by_set["behind"][score])) for score in ("log_loss", "auc")}
+        row |= {f"{score}_more": words(by_set["behind"][score] - by_set["depth"][score]) for score in row}
+        report.row(hand=made.config.hand.name, views=views, set="solid: behind", against="depth", **row)
+
+
 def with_few(made: Tried, clouds: Sequence[Described], report: Report, stages: Stages) -> None:
     """Learning curves: a share of the trials of each object, or few training objects."""
-    names = ("judge", "depth", "behind", "shares", "pairs", "votes")
     order = torch.from_numpy(stratified_order([b.obj.category for b in made.benches], made.config.seed).copy())
     fold = torch.from_numpy(made.fold)
     with stages.stage("few", len(FEW) * made.config.folds, "folds") as advance:
@@ -126,10 +149,10 @@ def with_few(made: Tried, clouds: Sequence[Described], report: Report, stages: S
             for held_out in range(made.config.folds):
                 teachers = order[fold[order] != held_out][:most]
                 taught = torch.zeros(len(fold), dtype=torch.bool).index_fill_(0, teachers, True)
-                folds[held_out] = learn(made, clouds, taught, names, share)
+                folds[held_out] = learn(made, clouds, taught, WITH_FEW, share)
                 advance(1)
             few_trials = round(share * made.config.candidates)
-            compare(made, judged(made, folds, names), report, trials=few_trials, objects=most or int(taught.sum()))
+            compare(made, judged(made, folds, WITH_FEW), report, trials=few_trials, objects=most or int(taught.sum()))
 
 
 def try_best(made: Tried, clouds: Sequence[Described], folds: Mapping[int, Fold], report: Report) -> None:
@@ -157,6 +180,7 @@ def main() -> None:
         for held_out in range(made.config.folds):
             folds[held_out] = learn(made, clouds, fold != held_out, names)
             advance(1)
+    behind_alone(made, clouds, folds, report)
     compare(made, judged(made, folds, names), report)
     if given.get("execute") == "true":
         try_best(made, clouds, folds, report)

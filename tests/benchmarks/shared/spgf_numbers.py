@@ -20,7 +20,7 @@ from spgf_torch.threads import in_parts
 
 K = 20
 # Hypotheses of a cloud whose unseen points teach what lies behind a surface.
-TEACHING = 100
+TEACHING = 40
 
 
 @dataclass(frozen=True)

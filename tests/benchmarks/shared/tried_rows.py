@@ -20,7 +20,6 @@ from spgf_torch.judging.rounds import choose
 from spgf_torch.judging.rows import SAMPLED, SUCCESS, Bench, Chosen, Rows
 from spgf_torch.judging.trying import tried
 from spgf_torch.objects.folders import read_objects
-from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages, show
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
@@ -65,22 +64,17 @@ class Tried:
 
     def try_(self, poses: Mapping[int, Hypotheses]) -> dict[int, Tensor]:
         """Object -> the outcomes (M,) int64 of its poses, kept in the cache."""
-        return outcomes([self.benches[i].obj for i in poses], list(poses.values()), list(poses), self)
-
-
-def outcomes(objects: Sequence[GraspObject], poses: Sequence[Hypotheses], names: Sequence[int], shop) -> dict:
-    """Name -> outcomes (M,) int64 of the poses on the object; shop has trials, config and cache."""
-    requests, where = [], []
-    for obj, its, name in zip(objects, poses, names, strict=True):
-        for code, kind in enumerate(GRASP_TYPES):
-            if len(which := (its.grasp_type == code).nonzero()[:, 0]):
-                requests.append((obj, kind, its.T[which]))
-                where.append((name, which))
-    found = {name: torch.zeros(len(its), dtype=torch.int64) for name, its in zip(names, poses, strict=True)}
-    ended = tried(requests, shop.trials, shop.config.workers, shop.cache)
-    for (name, which), codes in zip(where, ended, strict=True):
-        found[name][which] = codes
-    return found
+        requests, where = [], []
+        for index, its in poses.items():
+            for code, kind in enumerate(GRASP_TYPES):
+                if len(which := (its.grasp_type == code).nonzero()[:, 0]):
+                    requests.append((self.benches[index].obj, kind, its.T[which]))
+                    where.append((index, which))
+        found = {index: torch.zeros(len(its), dtype=torch.int64) for index, its in poses.items()}
+        ended = tried(requests, self.trials, self.config.workers, self.cache)
+        for (index, which), codes in zip(where, ended, strict=True):
+            found[index][which] = codes
+        return found
 
 
 def tried_with(run: Path, cache: Path, objects: str, trials: str) -> Tried:
