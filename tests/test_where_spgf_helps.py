@@ -98,6 +98,13 @@ def test_a_ball_bends_alike_everywhere():
     assert not bends[:, 3].any()
 
 
+def test_kinds_of_curvature_part_what_bends_differently():
+    flat, round_ = torch.rand(100, 5), torch.rand(100, 5) + 40.0
+    bends = at_pads.Bends.of(torch.cat([flat, round_]), seed=0)
+    assert not set(bends.kind(flat).tolist()) & set(bends.kind(round_).tolist())
+    assert bends.kind(flat).max() < at_pads.KINDS
+
+
 def test_shares_and_pairs_of_prototypes():
     place = torch.tensor([at_pads.LOW, at_pads.LOW, at_pads.HIGH, at_pads.BETWEEN])
     met = at_pads.Met(torch.zeros(4, dtype=torch.int64), torch.arange(4), place, 2)

@@ -34,22 +34,24 @@ from spgf_torch.judging.learning import fit, weights
 from spgf_torch.progress import Stages
 from spgf_torch.proposing.trees import Form
 
-# Name -> what a judge gets beside its own numbers, and what it is compared with.
-SETS: Mapping[str, tuple[tuple[str, ...], str]] = {
-    "judge": ((), "judge"),
-    "depth": (("depth",), "judge"),
-    "behind": (("behind",), "depth"),
-    "true": (("true",), "judge"),
-    "curvature": (("curvature",), "judge"),
-    "shares": (("shares",), "curvature"),
-    "pairs": (("pairs",), "judge"),
-    "votes": (("votes",), "judge"),
+# Name -> what a judge gets beside its own numbers, and what it is compared with: the judge, and controls without SPGF.
+SETS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "judge": ((), ()),
+    "depth": (("depth",), ("judge",)),
+    "frame": (("frame",), ("judge", "depth")),
+    "behind": (("behind",), ("judge", "depth", "frame")),
+    "true": (("true",), ("judge",)),
+    "curvature": (("curvature",), ("judge",)),
+    "shares": (("shares",), ("judge", "curvature")),
+    "bent_pairs": (("bent_pairs",), ("judge",)),
+    "pairs": (("pairs",), ("judge", "bent_pairs", "curvature")),
+    "votes": (("votes",), ("judge",)),
 }
 # Learning curves: share of each object's trials, training objects (None: all), and the sets that are compared there.
 FEW = ((0.1, None), (0.2, None), (0.5, None), (1.0, 5), (1.0, 10), (1.0, 20))
-WITH_FEW = ("judge", "behind", "shares", "votes")
+WITH_FEW = ("judge", "behind", "curvature", "shares", "bent_pairs", "pairs", "votes")
 # Sets whose best hypotheses are executed; "true" knows the mesh: the most that (a) could give.
-EXECUTED = ("judge", "depth", "behind", "true", "curvature", "shares", "pairs")
+EXECUTED = ("judge", "depth", "behind", "true", "curvature", "shares", "bent_pairs", "pairs")
 BEST = 10
 
 
@@ -70,7 +72,7 @@ class Fold:
 def learn(made: Tried, clouds: Sequence[Described], taught: Tensor, names: Sequence[str], share: float = 1.0) -> Fold:
     """From the objects of the mask (objects,) and a share of the trials."""
     enough = few(made, share)
-    shapes = Shapes(made, clouds, prototypes(clouds, taught, made.config.seed), taught, enough)
+    shapes = Shapes(made, clouds, prototypes(made, clouds, taught), taught, enough)
     numbers = of_rows(clouds, [shapes.numbers(cloud) for cloud in clouds])
     if "votes" in names:
         numbers["votes"] = votes(made, clouds, shapes.centres, taught, examples(made, clouds, share))
@@ -108,35 +110,37 @@ def compare(made: Tried, said: Mapping[str, Tensor], report: Report, **about: ob
             name: scores(p[at].prod(1).numpy(), rows.success[at].numpy(), *where, BEST) for name, p in said.items()
         }
         free = {name: scores(p[at, 0].numpy(), rows.free[at].numpy(), *where, BEST) for name, p in said.items()}
+        by_set = {name: {**its, "free": free[name]["log_loss"]} for name, its in by_set.items()}
         for name, its in by_set.items():
-            other = SETS[name][1] if SETS[name][1] in said else "judge"
-            its = {**its, "free": free[name]["log_loss"]}
-            base = {**by_set[other], "free": free[other]["log_loss"]}
-            row = {score: float(np.nanmean(value)) for score, value in its.items()}
-            if name != other:
-                row |= {f"{score}_more": words(value - base[score]) for score, value in its.items()}
-            report.row(hand=made.config.hand.name, **about, views=kind, set=name, against=other, **row)
+            row = {"hand": made.config.hand.name, **about, "views": kind, "set": name}
+            report.row(**row, **{score: float(np.nanmean(value)) for score, value in its.items()})
+            for other in (other for other in SETS[name][1] if other in by_set):
+                more = {score: words(value - by_set[other][score]) for score, value in its.items()}
+                report.row(**row, against=other, **more)
 
 
 def behind_alone(made: Tried, clouds: Sequence[Described], folds: Mapping[int, Fold], report: Report) -> None:
-    """How well unseen points of held-out objects are told solid, by depth alone and by prototype and frame."""
+    """How well unseen points of held-out objects are told solid: by depth, SPGF frame, prototype and frame."""
     said: dict[tuple[int, str], list[tuple[Tensor, Tensor, int]]] = {}
     for cloud in clouds:
         shapes = folds[int(made.fold[cloud.obj])].shapes
         ids, views = cloud.prototype(shapes.centres), made.benches[cloud.obj].clouds[cloud.number].views
-        by_depth = shapes.one.solid(cloud, torch.zeros_like(ids))
-        for name, p in (("depth", by_depth), ("behind", shapes.local.solid(cloud, ids))):
+        same = torch.zeros_like(ids)
+        its = {"depth": shapes.one.solid(cloud, same), "frame": shapes.frame.solid(cloud, same)}
+        for name, p in {**its, "behind": shapes.local.solid(cloud, ids)}.items():
             said.setdefault((views, name), []).append((p, cloud.hidden.solid, cloud.obj))
     for views in sorted({views for views, _ in said}):
         by_set = {}
-        for name in ("depth", "behind"):
-            its = [part for part in said[views, name] if len(part[0])]
-            p, solid = (torch.cat([part[i] for part in its]).numpy() for i in (0, 1))
-            obj = np.repeat([part[2] for part in its], [len(part[0]) for part in its])
+        for name in ("depth", "frame", "behind"):
+            parts = [part for part in said[views, name] if len(part[0])]
+            p, solid = (torch.cat([part[i] for part in parts]).numpy() for i in (0, 1))
+            obj = np.repeat([part[2] for part in parts], [len(part[0]) for part in parts])
             by_set[name] = scores(p, solid, obj, np.zeros_like(obj), BEST)
-        row = {score: float(np.nanmean(by_set["behind"][score])) for score in ("log_loss", "auc")}
-        row |= {f"{score}_more": words(by_set["behind"][score] - by_set["depth"][score]) for score in row}
-        report.row(hand=made.config.hand.name, views=views, set="solid: behind", against="depth", **row)
+            row = {"hand": made.config.hand.name, "views": views, "solid": name}
+            report.row(**row, **{score: float(np.nanmean(by_set[name][score])) for score in ("log_loss", "auc")})
+            for other in list(by_set)[:-1]:
+                more = {score: words(by_set[name][score] - by_set[other][score]) for score in ("log_loss", "auc")}
+                report.row(**row, against=other, **more)
 
 
 def with_few(made: Tried, clouds: Sequence[Described], report: Report, stages: Stages) -> None:
@@ -159,7 +163,7 @@ def try_best(made: Tried, clouds: Sequence[Described], folds: Mapping[int, Fold]
     """Executes the best of each cloud by each set, and with the votes' hypotheses."""
     more, offered = with_votes(made, clouds, folds)
     chosen = chosen_in(made, clouds, folds, EXECUTED) + more
-    against = {name: other for name, (_, other) in SETS.items()} | {VOTES: "judge"}
+    against = {name: others for name, (_, others) in SETS.items()} | {VOTES: ("judge",)}
     for row in table(chosen, executed(made, chosen), against):
         report.row(hand=made.config.hand.name, **row)
     for row in offers(made, offered):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
+from scipy.cluster.vq import kmeans2
 from torch import Tensor
 
 from spgf_torch.proposing.hypotheses import Hypotheses, Search, local, parts
@@ -13,6 +14,8 @@ from spgf_torch.sensing.texlets import Texlets
 LOW, HIGH, BETWEEN = range(3)
 # m about a texlet in which it bends: the radius of an SPGF.
 RADIUS = 0.03
+# Kinds of texlets by curvature: as many as prototypes.
+KINDS = 20
 # Trials' worth of all pairs that are mixed into the rate of one.
 SHRINKAGE = 20.0
 CURVATURE = ("bend", "bend_low", "bend_high", "facing_away", "crowd")
@@ -89,6 +92,28 @@ def curvature(texlets: Texlets) -> Tensor:
         away = (n[near] @ n[i] < 0).float().mean()
         found[i] = torch.stack([bends.mean(), low, high, away, torch.log1p(torch.tensor(float(len(near))))])
     return found
+
+
+@dataclass(frozen=True)
+class Bends:
+    """As many kinds of texlets as there are prototypes, by curvature alone: the control of pairs of prototypes.
+
+    mean, scale (V,) of the curvature learned from; centres (K, V) of what it is standardised to.
+    """
+
+    mean: Tensor
+    scale: Tensor
+    centres: Tensor
+
+    @staticmethod
+    def of(curvature: Tensor, seed: int) -> Bends:
+        mean, scale = curvature.mean(0), curvature.std(0).clamp(min=1e-6)
+        centres, _ = kmeans2(((curvature - mean) / scale).numpy(), KINDS, minit="++", seed=seed)
+        return Bends(mean, scale, torch.from_numpy(centres).float())
+
+    def kind(self, curvature: Tensor) -> Tensor:
+        """(N,) int64 of texlets whose curvature is (N, V)."""
+        return torch.cdist((curvature - self.mean) / self.scale, self.centres).argmin(1)
 
 
 class Rates:

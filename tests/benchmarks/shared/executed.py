@@ -126,7 +126,7 @@ def executed(made: Tried, chosen: Sequence[Chosen]) -> list[Tensor]:
     return [ended.get(its.obj, none)[place] for its, place in zip(chosen, places, strict=True)]
 
 
-def table(chosen: Sequence[Chosen], ended: Sequence[Tensor], against: Mapping[str, str]) -> list[dict]:
+def table(chosen: Sequence[Chosen], ended: Sequence[Tensor], against: Mapping[str, Sequence[str]]) -> list[dict]:
     """A row for each way and kind of cloud: rates over objects, and the difference to the way that it adds to."""
     rows = []
     for views in sorted({its.views for its in chosen}):
@@ -139,9 +139,8 @@ def table(chosen: Sequence[Chosen], ended: Sequence[Tensor], against: Mapping[st
             all_ = torch.cat([e for _, e in pairs])
             row = {"views": views, "way": way, "top10": words(rates[way], 100, 1)}
             row |= {"collided": float((all_ == COLLISION).float().mean())}
-            if against.get(way, way) != way:
-                other = against[way]
-                row |= {"against": other, "top10_more": words(rates[way] - rates[other], 100, 1)}
+            for other in (other for other in against[way] if other in rates):
+                row |= {f"more_than_{other}": words(rates[way] - rates[other], 100, 1)}
             if len(mine := torch.cat([c.by_votes for c, _ in pairs])) and bool(mine.any()):
                 held_of_them = float((all_[mine] == SUCCESS).float().mean())
                 row |= {"by_votes": float(mine.float().mean()), "held_of_them": held_of_them}

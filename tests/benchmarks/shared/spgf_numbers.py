@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from shared.at_pads import Met, Rates, curvature
+from shared.at_pads import Bends, Met, Rates, curvature
 from shared.hidden import CELLS, Hidden, Piece, counted, occupancy, pieces_of, profile, without_frames
 from shared.tried_rows import Tried
 from spgf_torch.config import FeatureConfig, PrototypeConfig, settings
+from spgf_torch.experiment.learning import PrototypeFit
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.judging.rows import Bench
 from spgf_torch.proposing.hypotheses import Hypotheses
@@ -86,12 +87,10 @@ def with_hands(cloud: Described, poses: Hypotheses, made: Tried, pieces: Sequenc
     return replace(cloud, rows=torch.zeros(0, dtype=torch.int64), hidden=hidden, met=met)
 
 
-def prototypes(clouds: Sequence[Described], taught: Tensor, seed: int) -> Tensor:
+def prototypes(made: Tried, clouds: Sequence[Described], taught: Tensor) -> Tensor:
     """(K, D) learned from the clouds of the objects of the mask (objects,) alone."""
-    from spgf_torch.prototypes.module import fit_prototypes
-
     relations = torch.cat([c.relations[c.valid] for c in clouds if taught[c.obj]])
-    return fit_prototypes(relations, settings(PrototypeConfig, num_clusters=K), seed)
+    return PrototypeFit(settings(PrototypeConfig, num_clusters=K), made.config.seed, made.cache)(relations)
 
 
 class Behind:
@@ -127,13 +126,21 @@ class Shapes:
         self.centres = centres
         ids = [cloud.prototype(centres) for cloud in clouds]
         self.local = Behind(clouds, ids, taught, frames=True)
-        self.one = Behind(clouds, [torch.zeros_like(its) for its in ids], taught, frames=False)
-        pair = torch.zeros(len(made.rows), dtype=torch.int64)
-        for cloud, its in zip(clouds, ids, strict=True):
-            pair[cloud.rows] = cloud.met.pair(its, self.kinds)
+        alike = [torch.zeros_like(its) for its in ids]
+        self.one = Behind(clouds, alike, taught, frames=False)
+        self.frame = Behind(clouds, alike, taught, frames=True)
         at = few & made.rows.free & taught[made.rows.obj]
-        held = made.rows.success[at]
-        self.pairs = Rates(pair[at], made.rows.obj[at], held, (self.kinds + 1) ** 2, len(taught))
+        self.bends = Bends.of(torch.cat([cloud.bends for cloud in clouds if taught[cloud.obj]]), made.config.seed)
+        self.pairs = self.rates(made, clouds, ids, at)
+        self.bent_pairs = self.rates(made, clouds, [self.bends.kind(cloud.bends) for cloud in clouds], at)
+
+    def rates(self, made: Tried, clouds: Sequence[Described], kinds: Sequence[Tensor], at: Tensor) -> Rates:
+        """How often the rows of the mask (R,) held, by the pair of kinds (N,) of texlets at their pads."""
+        pair = torch.zeros(len(made.rows), dtype=torch.int64)
+        for cloud, its in zip(clouds, kinds, strict=True):
+            pair[cloud.rows] = cloud.met.pair(its, self.kinds)
+        held, obj = made.rows.success[at], made.rows.obj[at]
+        return Rates(pair[at], obj, held, (self.kinds + 1) ** 2, len(made.benches))
 
     @property
     def kinds(self) -> int:
@@ -146,10 +153,12 @@ class Shapes:
         return {
             "depth": occupancy(hidden, self.one.solid(cloud, torch.zeros_like(ids))),
             "behind": occupancy(hidden, self.local.solid(cloud, ids)),
+            "frame": occupancy(hidden, self.frame.solid(cloud, torch.zeros_like(ids))),
             "true": occupancy(hidden, hidden.solid),
             "curvature": met.means(cloud.bends),
             "shares": met.shares(ids, self.kinds),
             "pairs": self.pairs.of(met.pair(ids, self.kinds), cloud.obj)[:, None],
+            "bent_pairs": self.bent_pairs.of(met.pair(self.bends.kind(cloud.bends), self.kinds), cloud.obj)[:, None],
         }
 
 
