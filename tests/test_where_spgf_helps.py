@@ -99,7 +99,9 @@ def test_a_ball_bends_alike_everywhere():
 
 
 def test_kinds_of_curvature_part_what_bends_differently():
-    flat, round_ = torch.rand(100, 5), torch.rand(100, 5) + 40.0
+    flat, round_ = torch.rand(2, 100, 5, generator=torch.Generator().manual_seed(0)).add(
+        torch.tensor([0, 40.0])[:, None, None]
+    )
     bends = at_pads.Bends.of(torch.cat([flat, round_]), seed=0)
     assert not set(bends.kind(flat).tolist()) & set(bends.kind(round_).tolist())
     assert bends.kind(flat).max() < at_pads.KINDS

@@ -48,8 +48,8 @@ SETS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "votes": (("votes",), ("judge",)),
 }
 # Learning curves: share of each object's trials, training objects (None: all), and the sets that are compared there.
-FEW = ((0.1, None), (0.2, None), (0.5, None), (1.0, 5), (1.0, 10), (1.0, 20))
-WITH_FEW = ("judge", "behind", "curvature", "shares", "bent_pairs", "pairs", "votes")
+FEW = ((0.1, None), (1.0, 5), (0.2, None), (1.0, 10), (0.5, None), (1.0, 20))
+WITH_FEW = ("judge", "behind", "curvature", "shares", "pairs", "votes")
 # Sets whose best hypotheses are executed; "true" knows the mesh: the most that (a) could give.
 EXECUTED = ("judge", "depth", "behind", "true", "curvature", "shares", "bent_pairs", "pairs")
 BEST = 10
@@ -164,7 +164,7 @@ def try_best(made: Tried, clouds: Sequence[Described], folds: Mapping[int, Fold]
     more, offered = with_votes(made, clouds, folds)
     chosen = chosen_in(made, clouds, folds, EXECUTED) + more
     against = {name: others for name, (_, others) in SETS.items()} | {VOTES: ("judge",)}
-    for row in table(chosen, executed(made, chosen), against):
+    for row in table(made, chosen, executed(made, chosen), against):
         report.row(hand=made.config.hand.name, **row)
     for row in offers(made, offered):
         report.row(hand=made.config.hand.name, **row)
@@ -175,7 +175,7 @@ def main() -> None:
     places = [given.get(key, f"data/{key}") for key in ("objects", "trials")]
     made = tried_with(find(given["judge"]), Path(given["cache"]), *places)
     hand, stages = made.config.hand.name, Stages()
-    report = Report("where_spgf_helps", f"{hand}: a judge with and without what SPGF tells, over held-out objects.")
+    report = Report("where_spgf_helps", f"{hand}: a judge with and without what SPGF tells, on held-out objects.")
     with stages.stage("shapes", len(made.benches), "objects") as advance:
         clouds = describe(made, advance)
     fold, names = torch.from_numpy(made.fold), tuple(SETS)

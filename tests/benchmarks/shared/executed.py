@@ -126,25 +126,39 @@ def executed(made: Tried, chosen: Sequence[Chosen]) -> list[Tensor]:
     return [ended.get(its.obj, none)[place] for its, place in zip(chosen, places, strict=True)]
 
 
-def table(chosen: Sequence[Chosen], ended: Sequence[Tensor], against: Mapping[str, Sequence[str]]) -> list[dict]:
-    """A row for each way and kind of cloud: rates over objects, and the difference to the way that it adds to."""
+def table(
+    made: Tried, chosen: Sequence[Chosen], ended: Sequence[Tensor], against: Mapping[str, Sequence[str]]
+) -> list[dict]:
+    """A row for each way and number of views, over all objects; of the votes' hypotheses for each class as well."""
     rows = []
+    classes = [bench.obj.category for bench in made.benches]
     for views in sorted({its.views for its in chosen}):
-        rates: dict[str, np.ndarray] = {}
-        for way in dict.fromkeys(its.way for its in chosen):
-            pairs = [(c, e) for c, e in zip(chosen, ended, strict=True) if c.way == way and c.views == views]
-            objects = sorted({c.obj for c, _ in pairs})
-            held = {i: [float((e == SUCCESS).sum()) / BEST for c, e in pairs if c.obj == i] for i in objects}
-            rates[way] = np.array([np.mean(held[i]) for i in objects])
-            all_ = torch.cat([e for _, e in pairs])
-            row = {"views": views, "way": way, "top10": words(rates[way], 100, 1)}
-            row |= {"collided": float((all_ == COLLISION).float().mean())}
-            for other in (other for other in against[way] if other in rates):
-                row |= {f"more_than_{other}": words(rates[way] - rates[other], 100, 1)}
-            if len(mine := torch.cat([c.by_votes for c, _ in pairs])) and bool(mine.any()):
-                held_of_them = float((all_[mine] == SUCCESS).float().mean())
-                row |= {"by_votes": float(mine.float().mean()), "held_of_them": held_of_them}
-            rows.append(row)
+        pairs = [(c, e) for c, e in zip(chosen, ended, strict=True) if c.views == views]
+        rows += [{"views": views, "objects": "all", **row} for row in _ways(pairs, against)]
+        for name in sorted(set(classes)):
+            its = [(c, e) for c, e in pairs if classes[c.obj] == name and c.way in (VOTES, *against[VOTES])]
+            rows += [{"views": views, "objects": name, **row} for row in _ways(its, against)]
+    return rows
+
+
+def _ways(pairs: Sequence[tuple[Chosen, Tensor]], against: Mapping[str, Sequence[str]]) -> list[dict]:
+    """A row for each way: its rate over objects, and the differences to those that it is compared with."""
+    rows, rates = [], {}
+    for way in dict.fromkeys(c.way for c, _ in pairs):
+        its = [(c, e) for c, e in pairs if c.way == way]
+        held: dict[int, list[float]] = {}
+        for c, e in its:
+            held.setdefault(c.obj, []).append(float((e == SUCCESS).sum()) / BEST)
+        rates[way] = np.array([np.mean(held[obj]) for obj in sorted(held)])
+        outcome, mine = (torch.cat(parts) for parts in ([e for _, e in its], [c.by_votes for c, _ in its]))
+        row = {"way": way, "top10": words(rates[way], 100, 1)}
+        row["collided"] = float((outcome == COLLISION).float().mean())
+        for other in (other for other in against[way] if other in rates):
+            row[f"more_than_{other}"] = words(rates[way] - rates[other], 100, 1)
+        if mine.any():
+            row["by_votes"] = float(mine.float().mean())
+            row["held_of_them"] = float((outcome[mine] == SUCCESS).float().mean())
+        rows.append(row)
     return rows
 
 
