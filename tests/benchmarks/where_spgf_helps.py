@@ -166,6 +166,9 @@ def try_best(made: Tried, clouds: Sequence[Described], folds: Mapping[int, Fold]
     against = {name: others for name, (_, others) in SETS.items()} | {VOTES: ("judge",)}
     for row in table(made, chosen, executed(made, chosen), against):
         report.row(hand=made.config.hand.name, **row)
+        if row["objects"] == "all" and "more_than_judge" in row:
+            figure = f"{made.config.hand.name}, views {row['views']}, ten best executed: {row['way']} minus judge"
+            report.figure(figure, "> 0", row["more_than_judge"])
     for row in offers(made, offered):
         report.row(hand=made.config.hand.name, **row)
 
