@@ -98,7 +98,8 @@ def test_predict_ranks_by_the_judge(place: Path) -> None:
     for grasp in grasps:
         assert grasp.judged is not None and grasp.probability == pytest.approx(np.prod(grasp.judged), abs=1e-6)
     page = (run / "index.html").read_text()
-    assert "then holds with" in page and "shapes that voted" in page and "(usual " in page and "the table" in page
+    for words in ("then holds with", "shapes that voted", "(usual ", "the table"):
+        assert words in page, words
     assert len(grasps) >= 5 and said == sorted(said, reverse=True) and (run / "index.html").is_file()
     assert min(grasp.T_input_tcp[2, 3] for grasp in grasps) > 0.0  # above the table
 
