@@ -18,10 +18,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.affordance.lattice import Kernel, Lattice
 from spgf_torch.affordance.particles import Particles, Points
 from spgf_torch.affordance.smoothing import hand_back, into_slices, ordered, outcomes, populated, weigh
 from spgf_torch.config import GRASP_TYPES
+from spgf_torch.geometry.lattice import Kernel, Lattice
 from spgf_torch.threads import in_parts
 
 

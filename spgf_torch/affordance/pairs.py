@@ -9,10 +9,10 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.casting import ROWS, count_within, list_pairs
-from spgf_torch.affordance.lattice import Lattice
 from spgf_torch.affordance.particles import Particles, Points, pairs_within
 from spgf_torch.config import GRASP_TYPES, AffordanceConfig, InputError
 from spgf_torch.geometry import se3
+from spgf_torch.geometry.lattice import Lattice
 from spgf_torch.threads import in_parts
 
 # Cells of a lattice: 2 GB for the table of one slice.

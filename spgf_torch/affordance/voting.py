@@ -16,11 +16,11 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.casting import NO_POINT, ROWS, find_points, poll
-from spgf_torch.affordance.lattice import Lattice
 from spgf_torch.affordance.neighbourhood import Condensed, Counts
 from spgf_torch.affordance.pairs import columns_of, numbers_of, poses_of
 from spgf_torch.affordance.particles import Points
 from spgf_torch.config import GRASP_TYPES
+from spgf_torch.geometry.lattice import Lattice
 from spgf_torch.threads import in_parts
 
 # Pairs whose votes are looked up together, on an accelerator and on a CPU.

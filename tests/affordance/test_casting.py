@@ -6,7 +6,6 @@ from dataclasses import replace
 import pytest
 import torch
 
-from spgf_torch.affordance.lattice import Lattice
 from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.affordance.pairs import listed_pairs, pairs_at_once
 from spgf_torch.affordance.particles import Points
@@ -14,6 +13,7 @@ from spgf_torch.affordance.ranking import judge, log_odds_gain, point_gains, shr
 from spgf_torch.affordance.voting import NO_POINT, VotingIndex, cast_votes, polled
 from spgf_torch.config import AffordanceConfig, settings
 from spgf_torch.geometry import se3
+from spgf_torch.geometry.lattice import Lattice
 
 LATTICE = Lattice(reach=0.05, voxel=0.012, rotation_deg=45.0)
 CONFIG = settings(AffordanceConfig)

@@ -8,7 +8,6 @@ import pytest
 import torch
 
 from spgf_torch.affordance import model as affordance
-from spgf_torch.affordance.lattice import Kernel, Lattice, gaussian_kernel
 from spgf_torch.affordance.neighbourhood import Condensed, Counts, ShapeGraspSpace, analyse, condense
 from spgf_torch.affordance.pairs import CellPairs, cell_pairs, lattice_of
 from spgf_torch.affordance.particles import Particles, Points, pairs_within
@@ -24,6 +23,7 @@ from spgf_torch.config import (
     settings,
 )
 from spgf_torch.geometry import se3
+from spgf_torch.geometry.lattice import Kernel, Lattice, gaussian_kernel
 
 LATTICE = Lattice(reach=0.03, voxel=0.01, rotation_deg=60.0)
 PROTOTYPES = 3

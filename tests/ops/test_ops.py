@@ -1,0 +1,87 @@
+"""What holds for every operator: both implementations agree, torch can trace it, and nobody else asks for a device."""
+
+import importlib
+import os
+import pkgutil
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from operator_cases import CASES
+from torch import Tensor
+
+import spgf_torch
+from spgf_torch import ops
+from spgf_torch.ops.library import OPERATORS
+
+for module in pkgutil.iter_modules(ops.__path__):
+    importlib.import_module(f"spgf_torch.ops.{module.name}")
+
+PACKAGE = Path(spgf_torch.__file__).parent
+
+# Sums whose order differs between the implementations: equal up to this share. All other outputs are equal to the bit.
+ROUNDING: dict[str, float] = {}
+
+
+def listed(value: object) -> list[Tensor]:
+    return [value] if isinstance(value, Tensor) else list(value)  # type: ignore[call-overload]
+
+
+def test_every_operator_is_tried() -> None:
+    assert OPERATORS.keys() == CASES.keys()
+
+
+@pytest.mark.parametrize("name", sorted(OPERATORS))
+def test_both_implementations_agree(name: str) -> None:
+    operator, said = OPERATORS[name], []
+    for case in CASES[name]():
+        compiled, in_torch = listed(operator.in_loops(*case)), listed(operator.in_torch(*case))
+        assert len(compiled) == len(in_torch)
+        for a, b in zip(compiled, in_torch, strict=True):
+            assert (a.dtype, a.shape) == (b.dtype, b.shape)
+            if name in ROUNDING and a.is_floating_point():
+                torch.testing.assert_close(a, b, rtol=ROUNDING[name], atol=ROUNDING[name])
+            else:
+                torch.testing.assert_close(a, b, rtol=0, atol=0, equal_nan=True)
+            said.append(a)
+    assert any(len(a.unique()) > 1 for a in said if a.numel())  # it says something
+
+
+@pytest.mark.parametrize("name", sorted(OPERATORS))
+def test_torch_can_trace_it(name: str) -> None:
+    for case in CASES[name]():
+        torch.library.opcheck(OPERATORS[name].overload, case)
+
+
+@pytest.mark.parametrize("name", sorted(OPERATORS))
+def test_a_derivative_is_refused_and_not_zero(name: str) -> None:
+    case = [
+        x.clone().requires_grad_() if isinstance(x, Tensor) and x.is_floating_point() else x for x in CASES[name]()[0]
+    ]
+    outputs = [out for out in listed(OPERATORS[name](*case)) if out.requires_grad]
+    for out in outputs:
+        with pytest.raises(NotImplementedError, match=f"spgf_torch::{name} has no derivative"):
+            out.sum().backward()
+
+
+def test_only_operators_ask_for_a_device() -> None:
+    asking = [
+        str(path.relative_to(PACKAGE))
+        for path in PACKAGE.rglob("*.py")
+        if path.parent.name != "ops" and re.search(r"device\.type|is_cuda", path.read_text())
+    ]
+    assert sorted(asking) == ALLOWED
+
+
+# Lightning is told the name of a device, and results of different ones are kept apart.
+ALLOWED = ["baselines/data.py", "baselines/fit.py", "experiment/learning.py"]
+
+
+def test_the_switch_takes_two_words() -> None:
+    code = "from spgf_torch.ops import points_in_volume"
+    env = {**os.environ, "SPGF_OPS": "fast"}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env)
+    assert done.stderr.endswith("SPGF_OPS: expected compiled or torch in the environment, got 'fast'\n")
