@@ -1,8 +1,12 @@
 """Arguments that every operator is tried with: small, of a seed, and reaching every branch."""
 
 import torch
+from torch import Tensor
 
 from spgf_torch.geometry import se3
+from spgf_torch.geometry.lattice import Lattice
+from spgf_torch.ops.accumulate_votes import Candidates, Voters
+from spgf_torch.ops.look_up import Table
 
 Case = tuple[object, ...]
 
@@ -24,4 +28,54 @@ def points_in_volume() -> list[Case]:
     return [(points, T, *volume), (points[:0], T, *volume), (points, T[:0], *volume)]
 
 
-CASES = {"points_in_volume": points_in_volume}
+LATTICE = Lattice(reach=0.05, voxel=0.012, rotation_deg=45.0)
+SLICES = 6
+
+
+def poses(n: int, draws: torch.Generator) -> Tensor:
+    return se3.random_poses(n, draws, extent=0.03)
+
+
+def table(draws: torch.Generator) -> Table:
+    """A third of all cells of each slice, but for one slice without any."""
+    learned = torch.rand(SLICES * LATTICE.cells, generator=draws) < 0.3
+    learned[3 * LATTICE.cells : 4 * LATTICE.cells] = False
+    before = torch.cat([torch.zeros(1), learned.view(-1, LATTICE.row_size).sum(1).cumsum(0)]).int()
+    return Table(before, (learned.nonzero()[:, 0] % LATTICE.cells).int())
+
+
+def nowhere() -> Table:
+    """Of a space that learned nothing."""
+    return Table(torch.zeros(SLICES * LATTICE.rows + 1).int(), torch.zeros(0).int())
+
+
+def cell_pairs() -> list[Case]:
+    """More features than one part of the work has, exact poses in float64, and nothing."""
+    draws = generator()
+    features, grasps = poses(100, draws), poses(50, draws)
+    cases = [(features, grasps), (features.double(), grasps.double()), (features[:0], grasps), (features, grasps[:0])]
+    return [(*case, LATTICE.numbers) for case in cases]
+
+
+def look_up() -> list[Case]:
+    draws = generator()
+    slice_ = torch.randint(SLICES, (5000,), generator=draws).int()
+    cell = torch.randint(LATTICE.cells, (5000,), generator=draws).int()
+    cases = [(table(draws), slice_, cell), (nowhere(), slice_, cell), (table(draws), slice_[:0], cell[:0])]
+    return [(found, LATTICE.rows, LATTICE.row_size, *asked) for found, *asked in cases]
+
+
+def accumulate_votes() -> list[Case]:
+    """More grasps than one part of the work has; a space that learned nothing; nobody to vote, and nothing to."""
+    draws = generator()
+    voters = Voters(poses(40, draws), 2 * torch.randint(SLICES // 2, (40,), generator=draws))
+    candidates = Candidates(poses(700, draws), torch.arange(700) % 2)
+    learned = table(draws)
+    worth = torch.randn(len(learned.cell), generator=draws)
+    nobody, nothing = Voters(*(c[:0] for c in voters)), Candidates(*(c[:0] for c in candidates))
+    cases = [(voters, candidates, learned, worth), (voters, candidates, nowhere(), worth[:0])]
+    cases += [(nobody, candidates, learned, worth), (voters, nothing, learned, worth)]
+    return [(*case, LATTICE.numbers) for case in cases]
+
+
+CASES = {f.__name__: f for f in (points_in_volume, cell_pairs, look_up, accumulate_votes)}
