@@ -12,7 +12,7 @@ from spgf_torch.compiled import compiled
 from spgf_torch.geometry.lattice import Lattice
 from spgf_torch.ops.library import memory, operator
 from spgf_torch.ops.look_up import NO_POINT, Table, look_up, search
-from spgf_torch.ops.relative_cells import Features, Grasps, Grid, cells_from, pair_cells
+from spgf_torch.ops.relative_cells import Features, Grasps, Grid, cells_from, pair_cells, scratch_for
 from spgf_torch.threads import in_parts
 
 # On a CPU: grasps that are voted on together.
@@ -65,7 +65,8 @@ def _in_loops(
     order = torch.argsort(slice_, stable=True)  # of one prototype after the other: their points stay in the cache
     features, slices = Features.of(T[order]), memory(slice_[order])
     grasps, kinds, grid = Grasps.of(T_grasp), memory(kind), Grid.of(space)
-    index = Index(*(memory(column) for column in table), space.rows, memory(worth))
+    start, cell = (memory(column) for column in table)
+    index = Index(start, cell, space.rows, memory(worth))
     sums = np.zeros((2, len(kinds)))
 
     def work(first: int) -> None:
@@ -108,9 +109,9 @@ def _accumulate(
 ) -> None:
     """In and out: sums (2, G) f64, to which votes of features and their worth are added."""
     size, row_size = len(kind), grid.side * grid.side
-    ratios, cell, numbers = np.empty((5, size)), np.empty(size, np.int32), np.empty((4, size), np.int64)
+    scratch, cell, numbers = scratch_for(size), np.empty(size, np.int32), np.empty((4, size), np.int64)
     for i in range(len(slice_)):
-        cells_from(features, i, grasps, grid, ratios, cell)
+        cells_from(features, i, grasps, grid, scratch, cell)
         n = 0
         for j in range(size):
             if cell[j] >= 0:

@@ -9,7 +9,7 @@ from torch import Tensor
 from spgf_torch.compiled import compiled
 from spgf_torch.geometry.lattice import Lattice
 from spgf_torch.ops.library import operator, unknown_size
-from spgf_torch.ops.relative_cells import Features, Grasps, Grid, cells_from, pair_cells
+from spgf_torch.ops.relative_cells import Features, Grasps, Grid, cells_from, pair_cells, scratch_for
 from spgf_torch.threads import in_parts
 
 # Features of one part of the work on a CPU: a millisecond or more.
@@ -81,9 +81,9 @@ def _list(
 ) -> None:
     """Out: feature (the first of which has this number), grasp and cell (P,) int32 of the pairs within reach."""
     size = grasps.position.shape[1]
-    ratios, row, n = np.empty((5, size)), np.empty(size, np.int32), 0
+    scratch, row, n = scratch_for(size), np.empty(size, np.int32), 0
     for i in range(len(features.T)):
-        cells_from(features, i, grasps, grid, ratios, row)
+        cells_from(features, i, grasps, grid, scratch, row)
         for j in range(size):
             if row[j] >= 0:
                 feature[n], grasp[n], cell[n] = number + i, j, row[j]

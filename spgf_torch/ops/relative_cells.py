@@ -100,17 +100,26 @@ class Grid(NamedTuple):
         return Grid(lattice.reach, lattice.voxel, lattice.side, lattice.edges.numpy())
 
 
+Scratch = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
 @compiled
-def cells_from(features: Features, i: int, grasps: Grasps, grid: Grid, ratios: np.ndarray, cell: np.ndarray) -> None:
+def scratch_for(size: int) -> Scratch:
+    """What `cells_from` works in: arrays of their own, since rows of one keep the compiler from vector instructions."""
+    return np.empty(size), np.empty(size), np.empty(size), np.empty(size), np.empty(size)
+
+
+@compiled
+def cells_from(features: Features, i: int, grasps: Grasps, grid: Grid, scratch: Scratch, cell: np.ndarray) -> None:
     """Out: cell (G,) int32, `Lattice.index` of inverse(features[i]) @ each grasp; -1 beyond reach.
 
-    ratios (5, G) f64: scratch.
+    scratch: (G,) f64 each.
     """
-    place, rotation = ratios[4], ratios[3]
+    first, second, third, rotation, place = scratch
     _place(features.T, i, grasps.position, grid, place)
-    _turn(features.quaternion, i, grasps.quaternion, ratios[:3], rotation)
-    for axis in range(3):
-        _add_digit(ratios[axis], grid.edges, rotation)
+    _turn(features.quaternion, i, grasps.quaternion, rotation, first, second, third)
+    for ratio in (first, second, third):
+        _add_digit(ratio, grid.edges, rotation)
     voxels = float(grid.side * grid.side * grid.side)
     for j in range(len(cell)):
         cell[j] = np.int32(rotation[j] * voxels + place[j]) if place[j] >= 0 else np.int32(-1)
@@ -131,10 +140,20 @@ def _place(T: np.ndarray, i: int, position: np.ndarray, grid: Grid, place: np.nd
 
 
 @compiled
-def _turn(feature: np.ndarray, i: int, grasp: np.ndarray, ratios: np.ndarray, chart: np.ndarray) -> None:
-    """Out: chart (G,) of the rotation from feature[i] to each grasp (4, G); the other parts over its own (3, G)."""
+def _turn(
+    feature: np.ndarray,
+    i: int,
+    grasp: np.ndarray,
+    chart: np.ndarray,
+    first: np.ndarray,
+    second: np.ndarray,
+    third: np.ndarray,
+) -> None:
+    """Out: chart (G,) of the rotation from feature[i] to each grasp (4, G), and the other three parts over its own.
+
+    These are arrays of their own: in one they keep the compiler from vector instructions.
+    """
     a0, a1, a2, a3 = feature[i, 0], feature[i, 1], feature[i, 2], feature[i, 3]
-    first, second, third = ratios[0], ratios[1], ratios[2]
     for j in range(len(chart)):
         b0, b1, b2, b3 = grasp[0, j], grasp[1, j], grasp[2, j], grasp[3, j]
         q0 = a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3  # conjugate(a) * b

@@ -7,16 +7,15 @@ small it loses next to nothing of where the optimum lies.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from typing import NamedTuple
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from spgf_torch.config import PrototypeConfig
-from spgf_torch.prototypes import kernels
-from spgf_torch.prototypes.kernels import Doubles, Floats, Ids
+from spgf_torch.ops.kmeans import member_sums
+from spgf_torch.ops.kmeans_start import partition, settle
 from spgf_torch.prototypes.kmeans import kmeans_plusplus
 
 # Points that are enough to know the principal axes from.
@@ -35,9 +34,8 @@ GAIN = 1e-4
 CLOSE = 1.1
 
 
-@dataclass
-class Settled:
-    """Centres (K, D) after Lloyd steps.
+class Settled(NamedTuple):
+    """Centres (K, D) after Lloyd steps, as `ops.kmeans_start.settle` has them.
 
     Attributes:
         inertia: the weighted sum of squared distances.
@@ -45,36 +43,27 @@ class Settled:
         ids: (M,) of the nearest.
     """
 
-    centres: Floats
-    inertia: float
-    distance: Floats
-    second: Floats
-    ids: Ids
+    centres: Tensor
+    inertia: Tensor
+    distance: Tensor
+    second: Tensor
+    ids: Tensor
 
 
 class Summary:
     """Points (N, D) as the means of at most `parts` parts: rows (M, D), weights (M,); `part` (N,) is each point's."""
 
     def __init__(self, points: Tensor, parts: int) -> None:
-        order = np.arange(len(points))
-        bounds = kernels.split(points.numpy(), parts, order)
-        sizes = np.diff(bounds)
-        self.part = np.empty(len(points), np.int64)
-        self.part[order] = np.repeat(np.arange(len(sizes)), sizes)
-        sums, counts = np.zeros((len(sizes), points.shape[1])), np.zeros(len(sizes), np.int64)
-        kernels.add_members(*kernels.flat(points), self.part, sums, counts)
-        self.rows = (sums / counts[:, None]).astype(np.float32)
-        self.columns, self.weights = np.ascontiguousarray(self.rows.T), counts.astype(np.float32)
+        self.part = partition(points, parts)
+        sums, counts = member_sums(points, self.part, int(self.part.max()) + 1)
+        self.rows, self.weights = (sums / counts[:, None]).float(), counts.float()
 
-    def settle(self, centres: Floats, steps: int = BREATH_STEPS, tolerance: float = BREATH_TOLERANCE) -> Settled:
-        M, centres = len(self.rows), np.array(centres, np.float32)
-        distance, second, ids = np.empty(M, np.float32), np.empty(M, np.float32), np.empty(M, np.int64)
-        inertia = kernels.lloyd(self.columns, self.rows, self.weights, centres, steps, tolerance, distance, second, ids)
-        return Settled(centres, inertia, distance, second, ids)
+    def settle(self, centres: Tensor, steps: int = BREATH_STEPS, tolerance: float = BREATH_TOLERANCE) -> Settled:
+        return Settled(*settle(self.rows, self.weights, centres.float(), steps, tolerance))
 
-    def by_cluster(self, settled: Settled, values: Floats) -> Doubles:
-        """Weighted sums (K,) of values (M,)."""
-        return np.bincount(settled.ids, self.weights * values, len(settled.centres)).astype(np.float64)
+    def by_cluster(self, settled: Settled, values: Tensor) -> Tensor:
+        """Weighted sums (K,) f64 of values (M,)."""
+        return torch.bincount(settled.ids, (self.weights * values).double(), len(settled.centres))
 
 
 def initial_centres(points: Tensor, config: PrototypeConfig, generator: torch.Generator) -> tuple[Tensor, Tensor]:
@@ -84,16 +73,14 @@ def initial_centres(points: Tensor, config: PrototypeConfig, generator: torch.Ge
     """
     K, members = config.num_clusters, points[:: -(-len(points) // config.subsample)]
     summary = Summary(principal_components(members, config.components), config.parts)
-    rows, weights = torch.from_numpy(summary.rows), torch.from_numpy(summary.weights)
-    drawn = kmeans_plusplus(rows, K, config.restarts, generator, weights=weights)
-    starts = [summary.settle(start.numpy(), RESTART_STEPS, 0.0) for start in drawn]
-    finalists = sorted(starts, key=lambda start: start.inertia)[: config.finalists]
+    drawn = kmeans_plusplus(summary.rows, K, config.restarts, generator, weights=summary.weights)
+    starts = [summary.settle(start, RESTART_STEPS, 0.0) for start in drawn]
+    finalists = sorted(starts, key=lambda start: float(start.inertia))[: config.finalists]
     finalists = [breathe(summary, start, config.breath, generator) for start in finalists]
-    best = min(finalists, key=lambda start: start.inertia)
-    sums, counts = np.zeros((K, points.shape[1])), np.zeros(K, np.int64)
-    kernels.add_members(*kernels.flat(members), best.ids[summary.part], sums, counts)
-    centres = np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], members[:1].numpy())
-    return torch.from_numpy(centres).to(points), torch.from_numpy(counts).to(points)
+    best = min(finalists, key=lambda start: float(start.inertia))
+    sums, counts = member_sums(members, best.ids[summary.part], K)
+    centres = torch.where(counts[:, None] > 0, sums / counts.clamp(min=1)[:, None], members[:1].double())
+    return centres.to(points), counts.to(points)
 
 
 def principal_components(points: Tensor, components: int) -> Tensor:
@@ -116,7 +103,7 @@ def breathe(summary: Summary, start: Settled, breath: int, generator: torch.Gene
     best = summary.settle(start.centres)
     breath = min(breath, len(best.centres) - 1)
     while breath > 0:
-        inhaled = summary.settle(np.concatenate([best.centres, _added(summary, best, breath, generator)]))
+        inhaled = summary.settle(torch.cat([best.centres, _added(summary, best, breath, generator)]))
         exhaled = summary.settle(inhaled.centres[_kept(summary, inhaled, breath)])
         if exhaled.inertia < (1 - GAIN) * best.inertia:
             best = exhaled
@@ -125,28 +112,27 @@ def breathe(summary: Summary, start: Settled, breath: int, generator: torch.Gene
     return best
 
 
-def _added(summary: Summary, settled: Settled, count: int, generator: torch.Generator) -> Doubles:
+def _added(summary: Summary, settled: Settled, count: int, generator: torch.Generator) -> Tensor:
     """New centres (count, D) within the clusters of largest error: half a standard deviation off their centres."""
     errors = summary.by_cluster(settled, settled.distance)
-    sizes = summary.by_cluster(settled, np.ones_like(settled.distance))
-    worst = np.argsort(-errors, kind="stable")[:count]
+    sizes = summary.by_cluster(settled, torch.ones_like(settled.distance))
+    worst = torch.argsort(-errors, stable=True)[:count]
     D = settled.centres.shape[1]
-    deviation = np.sqrt(errors[worst] / (np.maximum(sizes[worst], 1) * D))
-    noise = torch.randn(count, D, generator=generator).numpy()
-    return settled.centres[worst] + 0.5 * deviation[:, None] * noise
+    deviation = (errors[worst] / (sizes[worst].clamp(min=1) * D)).sqrt()
+    noise = torch.randn(count, D, generator=generator).to(deviation)
+    return (settled.centres[worst] + 0.5 * deviation[:, None] * noise).float()
 
 
-def _kept(summary: Summary, settled: Settled, dropped: int) -> NDArray[np.bool_]:
-    """(K,): False for the `dropped` centres whose loss raises the inertia least, no two of them close."""
+def _kept(summary: Summary, settled: Settled, dropped: int) -> Tensor:
+    """(K,) bool: False for the `dropped` centres whose loss raises the inertia least, no two of them close."""
     centres = settled.centres
     cost = summary.by_cluster(settled, settled.second - settled.distance)
-    apart = np.sqrt(((centres[:, None] - centres) ** 2).sum(2))
-    np.fill_diagonal(apart, np.inf)
-    close = apart < CLOSE * apart.min(1).mean()
-    kept, penalty = np.ones(len(centres), bool), cost.sum() + 1
+    apart = (centres[:, None] - centres).square().sum(2).sqrt().fill_diagonal_(math.inf)
+    close = apart < CLOSE * apart.amin(1).mean()
+    kept, penalty = torch.ones_like(cost, dtype=torch.bool), cost.sum() + 1
     for _ in range(dropped):
         cheapest = cost.argmin()
         kept[cheapest] = False
         cost += penalty * close[cheapest]
-        cost[cheapest] = np.inf
+        cost[cheapest] = math.inf
     return kept

@@ -78,4 +78,71 @@ def accumulate_votes() -> list[Case]:
     return [(*case, LATTICE.numbers) for case in cases]
 
 
-CASES = {f.__name__: f for f in (points_in_volume, cell_pairs, look_up, accumulate_votes)}
+def blobs(draws: torch.Generator) -> Tensor:
+    """600 points about six places."""
+    return 3 * torch.randn(6, 9, generator=draws).repeat(100, 1) + torch.randn(600, 9, generator=draws)
+
+
+def centres(draws: torch.Generator) -> list[Tensor]:
+    """Centres among the points, and some that are so far from them that they stay empty."""
+    points = blobs(draws)
+    return [points[:8], torch.cat([points[:5], torch.full((2, 9), 90.0)])]
+
+
+def assign() -> list[Case]:
+    draws = generator()
+    points = blobs(draws)
+    return [(points, c) for c in centres(draws)] + [(points[:0], points[:3])]
+
+
+def lloyd_step() -> list[Case]:
+    """Rows that lie together, rows that do not, and in float64."""
+    draws = generator()
+    points, (few, far) = blobs(draws), centres(draws)
+    return [(points, few), (points[::3], far), (points.double(), few.double())]
+
+
+def member_sums() -> list[Case]:
+    draws = generator()
+    points, ids = blobs(draws), torch.randint(7, (600,), generator=draws)
+    return [(points, ids, 9), (points[::2], ids[::2], 9)]
+
+
+def lloyd() -> list[Case]:
+    draws = generator()
+    return [(blobs(draws), c, steps, 1e-6) for c in centres(draws) for steps in (1, 20)]
+
+
+def partition() -> list[Case]:
+    points = blobs(generator())
+    return [(points, 40), (points[:3], 40), (torch.full((5, 2), 0.1), 3)]
+
+
+def plusplus() -> list[Case]:
+    draws = generator()
+    points, weights = blobs(draws), torch.randint(1, 5, (600,), generator=draws).float()
+    return [(points, weights, torch.rand(3, 7, 2, generator=draws, dtype=torch.float64))]
+
+
+def settle() -> list[Case]:
+    draws = generator()
+    points, weights = blobs(draws), torch.randint(1, 5, (600,), generator=draws).float()
+    return [(points, weights, c, steps, 1e-4) for c in centres(draws) for steps in (0, 1, 30)]
+
+
+CASES = {
+    f.__name__: f
+    for f in (
+        points_in_volume,
+        cell_pairs,
+        look_up,
+        accumulate_votes,
+        assign,
+        lloyd_step,
+        member_sums,
+        lloyd,
+        partition,
+        plusplus,
+        settle,
+    )
+}

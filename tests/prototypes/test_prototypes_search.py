@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.config import PrototypeConfig, settings
-from spgf_torch.prototypes import kernels
+from spgf_torch.ops.kmeans_start import settle
 from spgf_torch.prototypes.kmeans import inertia, lloyd
 from spgf_torch.prototypes.search import Summary, breathe, initial_centres, principal_components
 
@@ -32,10 +32,8 @@ def test_nearest_equals_the_loop(dims: int, clusters: int) -> None:
     generator = torch.Generator().manual_seed(0)
     points, centres = torch.randn(1300, dims, generator=generator), torch.randn(clusters, dims, generator=generator)
     exact = torch.cdist(points.double(), centres.double()).square()
-    distance, second, ids = np.empty(1300, np.float32), np.empty(1300, np.float32), np.empty(1300, np.int64)
-    columns = np.ascontiguousarray(points.T.numpy())
-    kernels.nearest(columns, centres.numpy(), distance, second, ids)
-    np.testing.assert_allclose(exact.gather(1, torch.from_numpy(ids)[:, None])[:, 0], exact.amin(1), rtol=1e-5)
+    _, _, distance, second, ids = settle(points, torch.ones(1300), centres, 0, 0.0)
+    np.testing.assert_allclose(exact.gather(1, ids[:, None])[:, 0], exact.amin(1), rtol=1e-5)
     np.testing.assert_allclose(distance, exact.amin(1), rtol=1e-4, atol=1e-6)
     if clusters > 1:
         np.testing.assert_allclose(second, exact.sort(1).values[:, 1], rtol=1e-4, atol=1e-6)
@@ -48,7 +46,7 @@ def test_weights_are_copies() -> None:
     far = torch.full((1, 5), 90.0)
     for start in (points[:4], torch.cat([points[:3], far])):
         few, many = (summary_of(p, w) for p, w in ((points, weights), (points.repeat_interleave(weights, 0), None)))
-        one, other = few.settle(start.numpy(), 5, -1.0), many.settle(start.numpy(), 5, -1.0)
+        one, other = few.settle(start, 5, -1.0), many.settle(start, 5, -1.0)
         np.testing.assert_allclose(one.centres, other.centres, atol=1e-5)
         assert abs(one.inertia - other.inertia) < 1e-3
         expected = lloyd(points.repeat_interleave(weights, 0), start, 5, -1.0)[0]
@@ -58,8 +56,7 @@ def test_weights_are_copies() -> None:
 def summary_of(points: Tensor, weights: Tensor | None = None) -> Summary:
     """A summary in which every point is a part of its own."""
     summary = Summary(points[:1], 1)
-    summary.rows, summary.columns = points.numpy(), np.ascontiguousarray(points.T.numpy())
-    summary.weights = (torch.ones(len(points)) if weights is None else weights.float()).numpy()
+    summary.rows, summary.weights = points, torch.ones(len(points)) if weights is None else weights.float()
     return summary
 
 
@@ -69,7 +66,7 @@ def test_parts_hold_every_point_once_and_stand_at_its_mean(parts: int) -> None:
     summary = Summary(points, parts)
     assert len(summary.rows) == parts and summary.weights.sum() == 400
     for part, (row, weight) in enumerate(zip(summary.rows, summary.weights, strict=True)):
-        members = points[torch.from_numpy(summary.part == part)]
+        members = points[summary.part == part]
         assert len(members) == weight > 0
         np.testing.assert_allclose(row, members.mean(0), atol=1e-5)
 
@@ -91,16 +88,16 @@ def test_breathing_leaves_a_local_optimum() -> None:
     caught = lloyd(points, torch.tensor([[0.0, -0.1], [0.0, 0.1], [21.0, 0.0]]), 100, 0.0)[0]
     assert inertia(points, caught) > 100
     summary = summary_of(points)
-    freed = breathe(summary, summary.settle(caught.numpy()), 1, torch.Generator().manual_seed(0))
-    assert freed.inertia < 7 and inertia(points, torch.from_numpy(freed.centres)) < 7
+    freed = breathe(summary, summary.settle(caught), 1, torch.Generator().manual_seed(0))
+    assert freed.inertia < 7 and inertia(points, freed.centres) < 7
 
 
 def test_no_breath_changes_nothing_but_settles() -> None:
     points = blobs(torch.tensor([[0.0, 0.0], [5.0, 0.0]]))
     settled, summary = lloyd(points, points[[0, 100]], 100, 0.0)[0], summary_of(points)
-    still = breathe(summary, summary.settle(settled.numpy()), 0, torch.Generator())
+    still = breathe(summary, summary.settle(settled), 0, torch.Generator())
     np.testing.assert_allclose(still.centres, settled, atol=1e-6)
-    alone = breathe(summary, summary.settle(settled[:1].numpy()), 4, torch.Generator())
+    alone = breathe(summary, summary.settle(settled[:1]), 4, torch.Generator())
     np.testing.assert_allclose(alone.centres, points.mean(0)[None], atol=1e-5)
 
 
