@@ -6,6 +6,7 @@ from torch import Tensor
 from spgf_torch.geometry import se3
 from spgf_torch.geometry.lattice import Lattice
 from spgf_torch.ops.accumulate_votes import Candidates, Voters
+from spgf_torch.ops.grid import Ring
 from spgf_torch.ops.look_up import Table
 
 Case = tuple[object, ...]
@@ -130,6 +131,26 @@ def settle() -> list[Case]:
     return [(points, weights, c, steps, 1e-4) for c in centres(draws) for steps in (0, 1, 30)]
 
 
+def radius_pairs() -> list[Case]:
+    """More than one cube, twins, places so far apart that cubes cannot be counted through, and no points."""
+    draws = generator()
+    points = torch.rand((60, 3), generator=draws)
+    twins = torch.cat([points, points[:3]])
+    return [(twins, 0.3), (torch.cat([points, points + 1e12]).double(), 0.3), (points[:0], 0.3), (points[:1], 0.3)]
+
+
+def describe() -> list[Case]:
+    """Both sides of a wall with an edge, dense and sparse, in both types; every alignment; lone texlets, and none."""
+    draws = generator()
+    X = (torch.rand(400, 3, generator=draws) - 0.5) * torch.tensor([0.08, 0.06, 0.002])
+    n = torch.nn.functional.normalize(0.1 * torch.randn(400, 3, generator=draws) + X.sign() * torch.tensor([0, 0, 1.0]))
+    start = torch.randint(12, (400,), generator=draws)
+    ring, one = Ring(36, 6, 2), Ring(12, 0, 1)
+    cases: list[Case] = [(X, n, None, 0.02, ring, "saturated", soft) for soft in (False, True)]
+    cases += [(X, n, start, 0.02, one, "flat", False), (X.double(), n.double(), None, 0.01, ring, "saturated", False)]
+    return [*cases, (X[:30], n[:30], None, 0.001, ring, "flat", False), (X[:0], n[:0], None, 0.02, ring, "flat", True)]
+
+
 CASES = {
     f.__name__: f
     for f in (
@@ -144,5 +165,7 @@ CASES = {
         partition,
         plusplus,
         settle,
+        radius_pairs,
+        describe,
     )
 }
