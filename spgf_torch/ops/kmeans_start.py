@@ -22,6 +22,18 @@ BLOCK = 512
 Settled = tuple[Tensor, Tensor, Tensor, Tensor, Tensor]
 
 
+class Weighted(NamedTuple):
+    """Points with weights (N,): as columns (D, N), which the compiled loops take, and as rows (N, D)."""
+
+    columns: Tensor
+    rows: Tensor
+    weights: Tensor
+
+    @staticmethod
+    def of(rows: Tensor, weights: Tensor) -> Weighted:
+        return Weighted(rows.T.contiguous(), rows, weights)
+
+
 @operator("partition(Tensor points, int most) -> Tensor")
 def partition(points: Tensor, most: int) -> Tensor:
     """(N,) int64: parts of points (N, D) that are alike, numbered from 0.
@@ -101,31 +113,31 @@ def _plusplus_shapes(points: Tensor, weights: Tensor, draws: Tensor) -> Tensor:
 
 
 @operator(
-    "settle(Tensor points, Tensor weights, Tensor centres, int steps, float tolerance) "
+    "settle(Tensor[] points, Tensor centres, int steps, float tolerance) "
     "-> (Tensor centres, Tensor inertia, Tensor distance, Tensor second, Tensor ids)"
 )
-def settle(points: Tensor, weights: Tensor, centres: Tensor, steps: int, tolerance: float) -> Settled:
-    """Lloyd steps on points (N, D) with weights (N,), from centres (K, D).
+def settle(points: Weighted, centres: Tensor, steps: int, tolerance: float) -> Settled:
+    """Lloyd steps on N points with weights, from centres (K, D).
 
     Ends after `steps` or when a step lowers the inertia by no more than the share `tolerance`. A centre without points
     moves to the point that is farthest from its own. Returns the centres; their inertia, a scalar f64; squared
     distances (N,) to the nearest and the next centre; and the nearest (N,) int64, of equals the first.
     """
-    centres, last = centres.clone(), float("inf")
+    (_, rows, weights), centres, last = Weighted(*points), centres.clone(), float("inf")
     for _ in range(steps):
-        distance, _, ids = _distances(points, centres)
+        distance, _, ids = _distances(rows, centres)
         now = float((weights * distance).sum(dtype=torch.float64))
         if last - now <= tolerance * now:
             break
         last = now
-        sums = torch.zeros_like(centres, dtype=torch.float64).index_add_(0, ids, (weights[:, None] * points).double())
+        sums = torch.zeros_like(centres, dtype=torch.float64).index_add_(0, ids, (weights[:, None] * rows).double())
         sizes = torch.zeros_like(centres[:, 0], dtype=torch.float64).index_add_(0, ids, weights.double())
         means = (sums / sizes[:, None]).to(centres)
         for k in (sizes == 0).nonzero()[:, 0].tolist():
             far = distance.argmax()
-            means[k], distance[far] = points[far], -1
+            means[k], distance[far] = rows[far], -1
         centres = means
-    distance, second, ids = _distances(points, centres)
+    distance, second, ids = _distances(rows, centres)
     return centres, (weights * distance).sum(dtype=torch.float64), distance, second, ids
 
 
@@ -144,24 +156,24 @@ def _distances(points: Tensor, centres: Tensor) -> tuple[Tensor, Tensor, Tensor]
 
 
 @settle.on_cpu
-def _settle_in_loops(points: Tensor, weights: Tensor, centres: Tensor, steps: int, tolerance: float) -> Settled:
-    moved, N = centres.detach().clone(memory_format=torch.contiguous_format), len(points)
+def _settle_in_loops(points: Weighted, centres: Tensor, steps: int, tolerance: float) -> Settled:
+    moved, N = centres.detach().clone(memory_format=torch.contiguous_format), len(points[1])
     nearest = Nearest(np.empty(N, np.float32), np.empty(N, np.float32), np.empty(N, np.int64))
-    summary = Weighted(memory(points.T), memory(points), memory(weights))
-    inertia = _settle(summary, steps, tolerance, moved.numpy(), nearest)
+    inertia = _settle(Columns(*(memory(part) for part in points)), steps, tolerance, moved.numpy(), nearest)
     distance, second, ids = (torch.from_numpy(column) for column in nearest)
     return moved, torch.tensor(inertia, dtype=torch.float64), distance, second, ids
 
 
 @settle.fake
-def _settle_shapes(points: Tensor, weights: Tensor, centres: Tensor, steps: int, tolerance: float) -> Settled:
-    distance, second = points.new_empty(points.shape[0]), points.new_empty(points.shape[0])
-    inertia, ids = points.new_empty((), dtype=torch.float64), points.new_empty(points.shape[0], dtype=torch.int64)
+def _settle_shapes(points: Weighted, centres: Tensor, steps: int, tolerance: float) -> Settled:
+    rows = points[1]
+    distance, second = rows.new_empty(rows.shape[0]), rows.new_empty(rows.shape[0])
+    inertia, ids = rows.new_empty((), dtype=torch.float64), rows.new_empty(rows.shape[0], dtype=torch.int64)
     return torch.empty_like(centres), inertia, distance, second, ids
 
 
-class Weighted(NamedTuple):
-    """Points for compiled loops: as columns (D, N), as rows (N, D), and their weights (N,)."""
+class Columns(NamedTuple):
+    """`Weighted` for compiled loops."""
 
     columns: Floats
     rows: Floats
@@ -177,48 +189,41 @@ class Nearest(NamedTuple):
 
 
 @compiled
-def find_nearest(columns: Floats, centres: Floats, next_too: bool, found: Nearest) -> None:
-    """Out: found, of points as columns (D, N) and centres (K, D); `second` only if the next is asked for, too."""
-    N, sums = columns.shape[1], np.empty(BLOCK, np.float32)
-    found.distance[:], found.second[:], found.ids[:] = np.inf, np.inf, 0
+def find_nearest(columns: Floats, centres: Floats, second: Floats, distance: Floats, ids: Ids) -> None:
+    """Out: distance and ids (N,), and second (N,) if it is not empty, of points as columns (D, N), centres (K, D)."""
+    D, N = columns.shape
+    sums = np.empty(BLOCK, np.float32)
+    distance[:], second[:], ids[:] = np.inf, np.inf, 0
     for start in range(0, N, BLOCK):
         part = slice(start, min(start + BLOCK, N))
-        least, ids, other = found.distance[part], found.ids[part], found.second[part]
+        least, found, other = distance[part], ids[part], second[part]
         total = sums[: len(least)]
         for k in range(len(centres)):
-            _squared(columns, start, centres[k], total)
-            if next_too:
+            total[:] = 0
+            for j in range(0, D - 3, 4):  # four at once: a quarter of the traffic
+                a, b, c, d = columns[j, part], columns[j + 1, part], columns[j + 2, part], columns[j + 3, part]
+                p, q, r, s = centres[k, j], centres[k, j + 1], centres[k, j + 2], centres[k, j + 3]
                 for i in range(len(total)):
-                    other[i] = min(other[i], max(total[i], least[i]))
+                    total[i] += ((a[i] - p) ** 2 + (b[i] - q) ** 2) + ((c[i] - r) ** 2 + (d[i] - s) ** 2)
+            for j in range(D - D % 4, D):
+                a, p = columns[j, part], centres[k, j]
+                for i in range(len(total)):
+                    total[i] += (a[i] - p) ** 2
+            for i in range(len(other)):
+                other[i] = min(other[i], max(total[i], least[i]))
             for i in range(len(total)):
-                ids[i] = k if total[i] < least[i] else ids[i]
+                found[i] = k if total[i] < least[i] else found[i]
                 least[i] = min(least[i], total[i])
 
 
 @compiled
-def _squared(columns: Floats, start: int, centre: Floats, total: Floats) -> None:
-    """Out: total (n,), squared distances of the points from `start` on, as columns (D, N), to a centre (D,)."""
-    D, part = len(columns), slice(start, start + len(total))
-    total[:] = 0
-    for j in range(0, D - 3, 4):  # four at once: a quarter of the traffic
-        a, b, c, d = columns[j, part], columns[j + 1, part], columns[j + 2, part], columns[j + 3, part]
-        p, q, r, s = centre[j], centre[j + 1], centre[j + 2], centre[j + 3]
-        for i in range(len(total)):
-            total[i] += ((a[i] - p) ** 2 + (b[i] - q) ** 2) + ((c[i] - r) ** 2 + (d[i] - s) ** 2)
-    for j in range(D - D % 4, D):
-        a, p = columns[j, part], centre[j]
-        for i in range(len(total)):
-            total[i] += (a[i] - p) ** 2
-
-
-@compiled
-def _settle(points: Weighted, steps: int, tolerance: float, centres: Floats, found: Nearest) -> float:
+def _settle(points: Columns, steps: int, tolerance: float, centres: Floats, found: Nearest) -> float:
     """The inertia. In and out: centres (K, D). Out: found."""
     rows, weights = points.rows, points.weights
     sums, sizes = np.empty(centres.shape, np.float64), np.empty(len(centres), np.float64)
     last = np.inf
     for _ in range(steps):
-        find_nearest(points.columns, centres, False, found)
+        find_nearest(points.columns, centres, found.second[:0], found.distance, found.ids)
         sums[:], sizes[:], now = 0, 0, 0.0
         for i in range(len(rows)):
             k, weight = found.ids[i], weights[i]
@@ -236,7 +241,7 @@ def _settle(points: Weighted, steps: int, tolerance: float, centres: Floats, fou
             else:
                 far = found.distance.argmax()
                 centres[k], found.distance[far] = rows[far], -1
-    find_nearest(points.columns, centres, True, found)
+    find_nearest(points.columns, centres, found.second, found.distance, found.ids)
     now = 0.0
     for i in range(len(rows)):
         now += weights[i] * found.distance[i]

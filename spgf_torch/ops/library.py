@@ -99,4 +99,5 @@ def unknown_size() -> torch.SymInt:
 
 def memory(tensor: Tensor, dtype: torch.dtype | None = None) -> np.ndarray:
     """The memory of a CPU tensor for a compiled loop, without a gap; as another type it is a copy."""
-    return tensor.detach().to(dtype or tensor.dtype).contiguous().numpy()
+    tensor = tensor.detach()
+    return np.ascontiguousarray((tensor if dtype in (None, tensor.dtype) else tensor.to(dtype)).numpy())

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from spgf_torch.config import PrototypeConfig
 from spgf_torch.ops.kmeans import member_sums
-from spgf_torch.ops.kmeans_start import partition, settle
+from spgf_torch.ops.kmeans_start import Weighted, partition, settle
 from spgf_torch.prototypes.kmeans import kmeans_plusplus
 
 # Points that are enough to know the principal axes from.
@@ -56,10 +56,18 @@ class Summary:
     def __init__(self, points: Tensor, parts: int) -> None:
         self.part = partition(points, parts)
         sums, counts = member_sums(points, self.part, int(self.part.max()) + 1)
-        self.rows, self.weights = (sums / counts[:, None]).float(), counts.float()
+        self.points = Weighted.of((sums / counts[:, None]).float(), counts.float())
+
+    @property
+    def rows(self) -> Tensor:
+        return self.points.rows
+
+    @property
+    def weights(self) -> Tensor:
+        return self.points.weights
 
     def settle(self, centres: Tensor, steps: int = BREATH_STEPS, tolerance: float = BREATH_TOLERANCE) -> Settled:
-        return Settled(*settle(self.rows, self.weights, centres.float(), steps, tolerance))
+        return Settled(*settle(self.points, centres, steps, tolerance))
 
     def by_cluster(self, settled: Settled, values: Tensor) -> Tensor:
         """Weighted sums (K,) f64 of values (M,)."""

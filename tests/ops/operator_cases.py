@@ -7,6 +7,7 @@ from spgf_torch.geometry import se3
 from spgf_torch.geometry.lattice import Lattice
 from spgf_torch.ops.accumulate_votes import Candidates, Voters
 from spgf_torch.ops.grid import Ring
+from spgf_torch.ops.kmeans_start import Weighted
 from spgf_torch.ops.look_up import Table
 
 Case = tuple[object, ...]
@@ -128,7 +129,7 @@ def plusplus() -> list[Case]:
 def settle() -> list[Case]:
     draws = generator()
     points, weights = blobs(draws), torch.randint(1, 5, (600,), generator=draws).float()
-    return [(points, weights, c, steps, 1e-4) for c in centres(draws) for steps in (0, 1, 30)]
+    return [(Weighted.of(points, weights), c, steps, 1e-4) for c in centres(draws) for steps in (0, 1, 30)]
 
 
 def radius_pairs() -> list[Case]:

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.config import PrototypeConfig, settings
-from spgf_torch.ops.kmeans_start import settle
+from spgf_torch.ops.kmeans_start import Weighted, settle
 from spgf_torch.prototypes.kmeans import inertia, lloyd
 from spgf_torch.prototypes.search import Summary, breathe, initial_centres, principal_components
 
@@ -32,7 +32,7 @@ def test_nearest_equals_the_loop(dims: int, clusters: int) -> None:
     generator = torch.Generator().manual_seed(0)
     points, centres = torch.randn(1300, dims, generator=generator), torch.randn(clusters, dims, generator=generator)
     exact = torch.cdist(points.double(), centres.double()).square()
-    _, _, distance, second, ids = settle(points, torch.ones(1300), centres, 0, 0.0)
+    _, _, distance, second, ids = settle(Weighted.of(points, torch.ones(1300)), centres, 0, 0.0)
     np.testing.assert_allclose(exact.gather(1, ids[:, None])[:, 0], exact.amin(1), rtol=1e-5)
     np.testing.assert_allclose(distance, exact.amin(1), rtol=1e-4, atol=1e-6)
     if clusters > 1:
@@ -56,7 +56,7 @@ def test_weights_are_copies() -> None:
 def summary_of(points: Tensor, weights: Tensor | None = None) -> Summary:
     """A summary in which every point is a part of its own."""
     summary = Summary(points[:1], 1)
-    summary.rows, summary.weights = points, torch.ones(len(points)) if weights is None else weights.float()
+    summary.points = Weighted.of(points, torch.ones(len(points)) if weights is None else weights.float())
     return summary
 
 
