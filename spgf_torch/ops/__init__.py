@@ -6,13 +6,15 @@ operator and never for a device. Both implementations compute in the same precis
 pose falls into the same cell in either. With `SPGF_OPS=torch` in the environment nothing compiled runs.
 
     describe            texlets -> pose and rings of the feature at each
-    radius_pairs        points -> pairs of neighbours
-    kmeans              points and centres -> the nearest centre; steps that move centres
+    neighbours          points -> pairs of neighbours
+    kmeans, lloyd       points and centres -> the nearest centre; steps that move centres
+    kmeans_start        the search for the first centres: summary, k-means++, weighted steps
     cell_pairs          features and grasps -> pairs within reach and their cells
     analyse             shape-grasp particles -> weighted counts of success around cells
     look_up             cells -> points of a condensed shape-grasp space
     accumulate_votes    features and grasps -> how many votes each grasp gets, and their worth
     points_in_volume    points and hands -> whether a hand holds a point
+    farthest_first      points -> a few that are spread over all
 
 Tensors are in the units and frames of `spgf_torch.geometry`. No operator has a derivative: to ask for one is an error.
 """

@@ -4,8 +4,10 @@ import torch
 from torch import Tensor
 
 from spgf_torch.geometry import se3
-from spgf_torch.geometry.lattice import Lattice
+from spgf_torch.geometry.lattice import Lattice, gaussian_kernel
 from spgf_torch.ops.accumulate_votes import Candidates, Voters
+from spgf_torch.ops.analyse import Queries, Space, Weights
+from spgf_torch.ops.analyse import populate as populate_operator
 from spgf_torch.ops.grid import Ring
 from spgf_torch.ops.kmeans_start import Weighted
 from spgf_torch.ops.look_up import Table
@@ -152,6 +154,67 @@ def describe() -> list[Case]:
     return [*cases, (X[:30], n[:30], None, 0.001, ring, "flat", False), (X[:0], n[:0], None, 0.02, ring, "flat", True)]
 
 
+COARSE = Lattice(reach=0.03, voxel=0.01, rotation_deg=60.0)
+
+
+def particles(n: int, draws: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
+    """Slice, cell and success, crowded into a few cells."""
+    direction = torch.nn.functional.normalize(torch.randn(n, 3, generator=draws), dim=1)
+    turn = torch.nn.functional.normalize(torch.tensor([1.0, 0, 0, 0]) + 0.3 * torch.randn(n, 4, generator=draws), dim=1)
+    slice_ = torch.randint(SLICES, (n,), generator=draws)
+    slice_[slice_ == 2] = 3  # a slice without any
+    return slice_.int(), COARSE.index(direction * 0.012, turn).int(), torch.rand(n, generator=draws) < 0.3
+
+
+def dealt(draws: torch.Generator) -> list[list[Tensor]]:
+    """The particles of four objects, the third of which has none."""
+    objects = [particles(n, draws) for n in (200, 150, 0, 250)]
+    return [list(column) for column in zip(*objects, strict=True)]
+
+
+def populate() -> list[Case]:
+    """Objects in three groups, one of them empty; finer lattices need keys of 64 bits."""
+    columns = dealt(generator())
+    return [(*columns, parts, SLICES, COARSE.numbers) for parts in ([2, 0, 2], [4])] + [
+        (*columns, [2, 1, 1], SLICES, Lattice(0.2, 0.005, 20.0).numbers)
+    ]
+
+
+def spaces() -> tuple[Space, Space]:
+    """Of two groups, and of one."""
+    columns = dealt(generator())
+    two, one = (populate_operator.in_torch(*columns, parts, SLICES, COARSE.numbers) for parts in ([1, 3], [4]))
+    return Space(*two), Space(*one)
+
+
+def weights(sigma: float = 0.008, sigma_deg: float = 40.0) -> Weights:
+    return Weights.of(gaussian_kernel(COARSE, sigma, sigma_deg), torch.device("cpu"))
+
+
+def analyse() -> list[Case]:
+    """Asked of all, and of all but a group; of one group alone; and nothing."""
+    draws = generator()
+    slice_, cell, _ = particles(500, draws)
+    slice_[:20] = 2
+    asked = Queries(slice_, cell, torch.randint(3, (500,), generator=draws))
+    nothing, (two, one) = Queries(*(column[:0] for column in asked)), spaces()
+    alone = asked._replace(without=asked.without.clamp(max=1))
+    cases = [(two, 2, asked, weights()), (two, 2, asked, weights(0, 0)), (one, 1, alone, weights())]
+    return [(*case, COARSE.numbers) for case in [*cases, (two, 2, nothing, weights())]]
+
+
+def condense() -> list[Case]:
+    _, one = spaces()
+    return [
+        (one, weights(*sigma), COARSE.numbers, least) for sigma in ((0.008, 40.0), (0.0, 0.0)) for least in (0, 2.5)
+    ]
+
+
+def farthest_first() -> list[Case]:
+    points = blobs(generator()).double()
+    return [(points, points.square().sum(1), 50), (points[:3], points[:3, 0], 3), (points[:0], points[:0, 0], 0)]
+
+
 CASES = {
     f.__name__: f
     for f in (
@@ -168,5 +231,9 @@ CASES = {
         settle,
         radius_pairs,
         describe,
+        populate,
+        analyse,
+        condense,
+        farthest_first,
     )
 }
