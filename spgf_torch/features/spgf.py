@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import torch
@@ -64,9 +63,5 @@ def _check(positions: Tensor, normals: Tensor, config: FeatureConfig, generator:
             raise InputError(f"{name}: expected shape (N, 3), one row a texlet, got {tuple(value.shape)}")
         if value.dtype != positions.dtype or value.dtype not in (torch.float32, torch.float64):
             raise InputError(f"{name}: expected float32 or float64, both alike, got {value.dtype}")
-    length = torch.linalg.vector_norm(normals, dim=1)
-    if not ((length - 1).abs() <= 1e-3).all():
-        worst = length[(length - 1).abs().nan_to_num(math.inf).argmax()].item()
-        raise InputError(f"normals: expected unit vectors, got one of length {worst:.4g}")
     if config.alignment == "random" and generator is None:
         raise InputError("features.alignment: random expected a generator, got None")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import torch
 from torch import Tensor
@@ -32,34 +32,34 @@ class Lattice:
     voxel: float
     rotation_deg: float
 
-    @cached_property
+    @property
     def side(self) -> int:
         """Voxels along an axis; the outermost layer stays empty, so that neighbours never wrap around."""
         return 2 * math.ceil(self.reach / self.voxel) + 2
 
-    @cached_property
+    @property
     def voxels(self) -> int:
         return self.side**3
 
-    @cached_property
+    @property
     def chart_side(self) -> int:
         """Rotation cells along an axis of a chart."""
         return max(1, round(180.0 / self.rotation_deg))
 
-    @cached_property
+    @property
     def rotations(self) -> int:
         return 4 * self.chart_side**3
 
-    @cached_property
+    @property
     def cells(self) -> int:
         return self.voxels * self.rotations
 
-    @cached_property
+    @property
     def rows(self) -> int:
         """Rows of cells: a row has one rotation and one first step of the voxel."""
         return self.rotations * self.side
 
-    @cached_property
+    @property
     def row_size(self) -> int:
         """Cells of a row."""
         return self.side**2

@@ -57,9 +57,10 @@ def describe(
         gaps: how a gap is encoded, a key of `grid.GAPS`.
         soft: the direction of the highest curvature is found on finer, softly filled rings; without `start`.
 
-    Raises InputError for coordinates that are not finite, and for a start that is no cell.
+    Raises InputError for coordinates that are not finite, normals that are not unit vectors, and a start that is no
+    cell.
     """
-    ring, near = _checked(start, ring), NeighbourhoodsInTorch.of(positions, radius)
+    ring, near = _checked(normals, start, ring), NeighbourhoodsInTorch.of(positions, radius)
     X, n = positions[near.order], normals[near.order]
     found = [_no_features(X, ring)]
     for part in near.parts:
@@ -89,7 +90,7 @@ def describe(
 def _in_loops(
     positions: Tensor, normals: Tensor, start: Tensor | None, radius: float, ring: Ring, gaps: str, soft: bool
 ) -> Described:
-    ring, X, n = _checked(start, ring), positions.detach(), normals.detach()
+    ring, X, n = _checked(normals, start, ring), positions.detach(), normals.detach()
     near = Neighbourhoods(X, radius)
     cloud, facing = X[near.order], n[near.order]
     begin = torch.zeros(len(X), dtype=torch.int64) if start is None else start.contiguous()
@@ -136,9 +137,12 @@ def turned_softly(frames: Tensor, in_frames: InFrames, ring: Ring, highest: Call
     return turned(frames, start.to(frames) * (2 * math.pi / fine.cells))
 
 
-def _checked(start: Tensor | None, ring: Ring) -> Ring:
-    """Compiled loops would read foreign memory at a cell that is not there."""
-    ring = Ring(*ring)
+def _checked(normals: Tensor, start: Tensor | None, ring: Ring) -> Ring:
+    """Raises InputError for values that cannot be described: at a cell that is not there loops read foreign memory."""
+    length, ring = torch.linalg.vector_norm(normals, dim=1), Ring(*ring)
+    if not ((length - 1).abs() <= 1e-3).all():
+        worst = length[(length - 1).abs().nan_to_num(math.inf).argmax()].item()
+        raise InputError(f"normals: expected unit vectors, got one of length {worst:.4g}")
     if start is not None and bool(((start < 0) | (start >= ring.cells)).any()):
         raise InputError(f"start: expected cells from 0 to {ring.cells - 1}, got others")
     return ring
