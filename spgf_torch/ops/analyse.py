@@ -234,7 +234,10 @@ class _Particles(NamedTuple):
         for view in without.unique().tolist():
             asking = (without == view).nonzero()[:, 0]
             left_out = [self._tables(self.group == view, weights)] if view < self.groups else []
-            found[asking] = self._gathered(cell[asking].long(), everyone, left_out, weights)
+            cells, place = (
+                cell[asking].long().unique(return_inverse=True)
+            )  # ascending: neighbours lie together in memory
+            found[asking] = self._gathered(cells, everyone, left_out, weights)[place]
         return found * (found[:, 2:] > 0)
 
     def _tables(self, which: slice | Tensor, weights: Weights) -> tuple[_Table, _Table]:
@@ -250,8 +253,8 @@ class _Particles(NamedTuple):
         """(Q, 3) f32: over the rotations near that of each cell, everyone but those left out."""
         own, smooth = everyone
         rotation, voxel = cell // self.voxels, cell % self.voxels
-        near, order = weights.turn.long()[rotation].sort(dim=1)
-        share = weights.turn_weight[rotation].gather(1, order).double()
+        turn, order = weights.turn.long().sort(dim=1)
+        near, share = turn[rotation], weights.turn_weight.double().gather(1, order)[rotation]
         found = torch.zeros((len(cell), 2), device=cell.device)
         for n in range(near.shape[1]):
             there = near[:, n] * self.voxels + voxel
