@@ -7,14 +7,15 @@ small it loses next to nothing of where the optimum lies.
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
+from dataclasses import dataclass
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from spgf_torch.config import PrototypeConfig
-from spgf_torch.ops.kmeans import member_sums
+from spgf_torch.ops.kmeans import Doubles, Floats, Ids, member_sums
 from spgf_torch.ops.kmeans_start import Weighted, partition, settle
 from spgf_torch.prototypes.kmeans import kmeans_plusplus
 
@@ -34,8 +35,9 @@ GAIN = 1e-4
 CLOSE = 1.1
 
 
-class Settled(NamedTuple):
-    """Centres (K, D) after Lloyd steps, as `ops.kmeans_start.settle` has them.
+@dataclass
+class Settled:
+    """Centres (K, D) after Lloyd steps.
 
     Attributes:
         inertia: the weighted sum of squared distances.
@@ -43,11 +45,11 @@ class Settled(NamedTuple):
         ids: (M,) of the nearest.
     """
 
-    centres: Tensor
-    inertia: Tensor
-    distance: Tensor
-    second: Tensor
-    ids: Tensor
+    centres: Floats
+    inertia: float
+    distance: Floats
+    second: Floats
+    ids: Ids
 
 
 class Summary:
@@ -58,20 +60,15 @@ class Summary:
         sums, counts = member_sums(points, self.part, int(self.part.max()) + 1)
         self.points = Weighted.of((sums / counts[:, None]).float(), counts.float())
 
-    @property
-    def rows(self) -> Tensor:
-        return self.points.rows
+    def settle(self, centres: Floats, steps: int = BREATH_STEPS, tolerance: float = BREATH_TOLERANCE) -> Settled:
+        found = settle(self.points, torch.from_numpy(centres), steps, tolerance)
+        moved, inertia, distance, second, ids = (column.numpy() for column in found)
+        return Settled(moved, float(inertia), distance, second, ids)
 
-    @property
-    def weights(self) -> Tensor:
-        return self.points.weights
-
-    def settle(self, centres: Tensor, steps: int = BREATH_STEPS, tolerance: float = BREATH_TOLERANCE) -> Settled:
-        return Settled(*settle(self.points, centres, steps, tolerance))
-
-    def by_cluster(self, settled: Settled, values: Tensor) -> Tensor:
-        """Weighted sums (K,) f64 of values (M,)."""
-        return torch.bincount(settled.ids, (self.weights * values).double(), len(settled.centres))
+    def by_cluster(self, settled: Settled, values: Floats) -> Doubles:
+        """Weighted sums (K,) of values (M,)."""
+        weights = self.points.weights.numpy()
+        return np.bincount(settled.ids, weights * values, len(settled.centres)).astype(np.float64)
 
 
 def initial_centres(points: Tensor, config: PrototypeConfig, generator: torch.Generator) -> tuple[Tensor, Tensor]:
@@ -81,12 +78,13 @@ def initial_centres(points: Tensor, config: PrototypeConfig, generator: torch.Ge
     """
     K, members = config.num_clusters, points[:: -(-len(points) // config.subsample)]
     summary = Summary(principal_components(members, config.components), config.parts)
-    drawn = kmeans_plusplus(summary.rows, K, config.restarts, generator, weights=summary.weights)
-    starts = [summary.settle(start, RESTART_STEPS, 0.0) for start in drawn]
-    finalists = sorted(starts, key=lambda start: float(start.inertia))[: config.finalists]
+    _, rows, weights = summary.points
+    drawn = kmeans_plusplus(rows, K, config.restarts, generator, weights=weights)
+    starts = [summary.settle(start.numpy(), RESTART_STEPS, 0.0) for start in drawn]
+    finalists = sorted(starts, key=lambda start: start.inertia)[: config.finalists]
     finalists = [breathe(summary, start, config.breath, generator) for start in finalists]
-    best = min(finalists, key=lambda start: float(start.inertia))
-    sums, counts = member_sums(members, best.ids[summary.part], K)
+    best = min(finalists, key=lambda start: start.inertia)
+    sums, counts = member_sums(members, torch.from_numpy(best.ids)[summary.part], K)
     centres = torch.where(counts[:, None] > 0, sums / counts.clamp(min=1)[:, None], members[:1].double())
     return centres.to(points), counts.to(points)
 
@@ -111,7 +109,7 @@ def breathe(summary: Summary, start: Settled, breath: int, generator: torch.Gene
     best = summary.settle(start.centres)
     breath = min(breath, len(best.centres) - 1)
     while breath > 0:
-        inhaled = summary.settle(torch.cat([best.centres, _added(summary, best, breath, generator)]))
+        inhaled = summary.settle(np.concatenate([best.centres, _added(summary, best, breath, generator)]))
         exhaled = summary.settle(inhaled.centres[_kept(summary, inhaled, breath)])
         if exhaled.inertia < (1 - GAIN) * best.inertia:
             best = exhaled
@@ -120,27 +118,28 @@ def breathe(summary: Summary, start: Settled, breath: int, generator: torch.Gene
     return best
 
 
-def _added(summary: Summary, settled: Settled, count: int, generator: torch.Generator) -> Tensor:
+def _added(summary: Summary, settled: Settled, count: int, generator: torch.Generator) -> Floats:
     """New centres (count, D) within the clusters of largest error: half a standard deviation off their centres."""
     errors = summary.by_cluster(settled, settled.distance)
-    sizes = summary.by_cluster(settled, torch.ones_like(settled.distance))
-    worst = torch.argsort(-errors, stable=True)[:count]
+    sizes = summary.by_cluster(settled, np.ones_like(settled.distance))
+    worst = np.argsort(-errors, kind="stable")[:count]
     D = settled.centres.shape[1]
-    deviation = (errors[worst] / (sizes[worst].clamp(min=1) * D)).sqrt()
-    noise = torch.randn(count, D, generator=generator).to(deviation)
-    return (settled.centres[worst] + 0.5 * deviation[:, None] * noise).float()
+    deviation = np.sqrt(errors[worst] / (np.maximum(sizes[worst], 1) * D))
+    noise = torch.randn(count, D, generator=generator).numpy()
+    return (settled.centres[worst] + 0.5 * deviation[:, None] * noise).astype(np.float32)
 
 
-def _kept(summary: Summary, settled: Settled, dropped: int) -> Tensor:
-    """(K,) bool: False for the `dropped` centres whose loss raises the inertia least, no two of them close."""
+def _kept(summary: Summary, settled: Settled, dropped: int) -> NDArray[np.bool_]:
+    """(K,): False for the `dropped` centres whose loss raises the inertia least, no two of them close."""
     centres = settled.centres
     cost = summary.by_cluster(settled, settled.second - settled.distance)
-    apart = (centres[:, None] - centres).square().sum(2).sqrt().fill_diagonal_(math.inf)
-    close = apart < CLOSE * apart.amin(1).mean()
-    kept, penalty = torch.ones_like(cost, dtype=torch.bool), cost.sum() + 1
+    apart = np.sqrt(((centres[:, None] - centres) ** 2).sum(2))
+    np.fill_diagonal(apart, np.inf)
+    close = apart < CLOSE * apart.min(1).mean()
+    kept, penalty = np.ones(len(centres), bool), cost.sum() + 1
     for _ in range(dropped):
         cheapest = cost.argmin()
         kept[cheapest] = False
         cost += penalty * close[cheapest]
-        cost[cheapest] = math.inf
+        cost[cheapest] = np.inf
     return kept

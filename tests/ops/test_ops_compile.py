@@ -43,7 +43,7 @@ def model(texlets: tuple[Tensor, Tensor], grasps: tuple[Tensor, Tensor]) -> Gras
 
 
 def test_scores_of_grasps(texlets: tuple[Tensor, Tensor], grasps: tuple[Tensor, Tensor], model: GraspModel) -> None:
-    """All sizes are known: votes are accumulated without a list of them. A feature that is not valid is out of reach."""
+    """All sizes are known: votes are added up and never listed. A feature that is not valid is moved out of reach."""
     index = VotingIndex(model.condensed, model.lattice)
     table, gains = index.table, point_gains(model.condensed, AFFORDANCE)
     assert len(table.cell)

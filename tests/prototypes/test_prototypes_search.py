@@ -46,7 +46,7 @@ def test_weights_are_copies() -> None:
     far = torch.full((1, 5), 90.0)
     for start in (points[:4], torch.cat([points[:3], far])):
         few, many = (summary_of(p, w) for p, w in ((points, weights), (points.repeat_interleave(weights, 0), None)))
-        one, other = few.settle(start, 5, -1.0), many.settle(start, 5, -1.0)
+        one, other = few.settle(start.numpy(), 5, -1.0), many.settle(start.numpy(), 5, -1.0)
         np.testing.assert_allclose(one.centres, other.centres, atol=1e-5)
         assert abs(one.inertia - other.inertia) < 1e-3
         expected = lloyd(points.repeat_interleave(weights, 0), start, 5, -1.0)[0]
@@ -64,8 +64,8 @@ def summary_of(points: Tensor, weights: Tensor | None = None) -> Summary:
 def test_parts_hold_every_point_once_and_stand_at_its_mean(parts: int) -> None:
     points = torch.randn(400, 6, generator=torch.Generator().manual_seed(0))
     summary = Summary(points, parts)
-    assert len(summary.rows) == parts and summary.weights.sum() == 400
-    for part, (row, weight) in enumerate(zip(summary.rows, summary.weights, strict=True)):
+    assert len(summary.points.rows) == parts and summary.points.weights.sum() == 400
+    for part, (row, weight) in enumerate(zip(summary.points.rows, summary.points.weights, strict=True)):
         members = points[summary.part == part]
         assert len(members) == weight > 0
         np.testing.assert_allclose(row, members.mean(0), atol=1e-5)
@@ -74,9 +74,9 @@ def test_parts_hold_every_point_once_and_stand_at_its_mean(parts: int) -> None:
 def test_parts_split_where_the_error_is() -> None:
     """0, 1 and 10, 11: first between 1 and 10 (mean 5.5), then each pair; copies of one point are never split."""
     points = torch.tensor([[0.0], [10.0], [1.0], [11.0]]).repeat(3, 1)
-    assert Summary(points, 2).rows[:, 0].tolist() == [0.5, 10.5]
-    assert Summary(points, 99).rows[:, 0].tolist() == [0.0, 1.0, 10.0, 11.0]
-    assert Summary(torch.full((5, 2), 0.1), 3).weights.tolist() == [5.0]
+    assert Summary(points, 2).points.rows[:, 0].tolist() == [0.5, 10.5]
+    assert Summary(points, 99).points.rows[:, 0].tolist() == [0.0, 1.0, 10.0, 11.0]
+    assert Summary(torch.full((5, 2), 0.1), 3).points.weights.tolist() == [5.0]
 
 
 def test_breathing_leaves_a_local_optimum() -> None:
@@ -88,16 +88,16 @@ def test_breathing_leaves_a_local_optimum() -> None:
     caught = lloyd(points, torch.tensor([[0.0, -0.1], [0.0, 0.1], [21.0, 0.0]]), 100, 0.0)[0]
     assert inertia(points, caught) > 100
     summary = summary_of(points)
-    freed = breathe(summary, summary.settle(caught), 1, torch.Generator().manual_seed(0))
-    assert freed.inertia < 7 and inertia(points, freed.centres) < 7
+    freed = breathe(summary, summary.settle(caught.numpy()), 1, torch.Generator().manual_seed(0))
+    assert freed.inertia < 7 and inertia(points, torch.from_numpy(freed.centres)) < 7
 
 
 def test_no_breath_changes_nothing_but_settles() -> None:
     points = blobs(torch.tensor([[0.0, 0.0], [5.0, 0.0]]))
     settled, summary = lloyd(points, points[[0, 100]], 100, 0.0)[0], summary_of(points)
-    still = breathe(summary, summary.settle(settled), 0, torch.Generator())
+    still = breathe(summary, summary.settle(settled.numpy()), 0, torch.Generator())
     np.testing.assert_allclose(still.centres, settled, atol=1e-6)
-    alone = breathe(summary, summary.settle(settled[:1]), 4, torch.Generator())
+    alone = breathe(summary, summary.settle(settled[:1].numpy()), 4, torch.Generator())
     np.testing.assert_allclose(alone.centres, points.mean(0)[None], atol=1e-5)
 
 
