@@ -8,7 +8,8 @@ pose falls into the same cell in either. With `SPGF_OPS=torch` in the environmen
     describe            texlets -> pose and rings of the feature at each
     neighbours          points -> pairs of neighbours
     kmeans, lloyd       points and centres -> the nearest centre; steps that move centres
-    kmeans_start        the search for the first centres: summary, k-means++, weighted steps
+    kmeans_start        the search for the first centres: k-means++, weighted steps
+    partition           points -> parts that are alike
     cell_pairs          features and grasps -> pairs within reach and their cells
     analyse             shape-grasp particles -> weighted counts of success around cells
     look_up             cells -> points of a condensed shape-grasp space
@@ -16,5 +17,7 @@ pose falls into the same cell in either. With `SPGF_OPS=torch` in the environmen
     points_in_volume    points and hands -> whether a hand holds a point
     farthest_first      points -> a few that are spread over all
 
-Tensors are in the units and frames of `spgf_torch.geometry`. No operator has a derivative: to ask for one is an error.
+`relations`, `grid` and `alignment` are parts of `describe`, `relative_cells` of what looks at pairs, `smoothing` of
+`analyse`. Tensors are in the units and frames of `spgf_torch.geometry`. No operator has a derivative: to ask for one is
+an error.
 """

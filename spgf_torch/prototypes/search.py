@@ -16,7 +16,8 @@ from torch import Tensor
 
 from spgf_torch.config import PrototypeConfig
 from spgf_torch.ops.kmeans import Doubles, Floats, Ids, member_sums
-from spgf_torch.ops.kmeans_start import Weighted, partition, settle
+from spgf_torch.ops.kmeans_start import Weighted, settle
+from spgf_torch.ops.partition import partition
 from spgf_torch.prototypes.kmeans import kmeans_plusplus
 
 # Points that are enough to know the principal axes from.

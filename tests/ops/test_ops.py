@@ -75,6 +75,14 @@ def test_only_operators_ask_for_a_device() -> None:
 ALLOWED = ["baselines/data.py", "baselines/fit.py", "experiment/learning.py"]
 
 
+def test_operators_stand_below_all_rooms() -> None:
+    """They import geometry and what all may use."""
+    below = r"(ops|geometry|compiled|config|threads)\b"
+    for path in (PACKAGE / "ops").glob("*.py"):
+        found = re.findall(r"^(?:from|import) spgf_torch\.(\S+)", path.read_text(), re.MULTILINE)
+        assert all(re.match(below, name) for name in found), path
+
+
 def test_the_switch_takes_two_words(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SPGF_OPS", "torch")
     assert not compiled_wanted()
