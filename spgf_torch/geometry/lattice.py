@@ -135,7 +135,7 @@ class Kernel:
 
 @lru_cache
 def _edges(n: int) -> Tensor:
-    return torch.tan((torch.arange(1, n, dtype=torch.float64) / n - 0.5) * math.pi / 2)
+    return torch.tan((torch.arange(1, n, dtype=torch.float64, device="cpu") / n - 0.5) * math.pi / 2)
 
 
 @lru_cache(maxsize=4)

@@ -85,7 +85,7 @@ def start_at_in_torch(rings: Tensor, start: Tensor) -> Tensor:
 
 def aligned_poses_in_torch(frames: Tensor, start: Tensor, cells: int, positions: Tensor) -> Tensor:
     """`aligned_poses` by torch's operations."""
-    angle = torch.arange(cells, dtype=torch.float64) * (2 * math.pi / cells)
+    angle = torch.arange(cells, dtype=torch.float64, device="cpu") * (2 * math.pi / cells)  # the same on all devices
     cos, sin = (table.to(start.device)[start][:, None] for table in (angle.cos(), angle.sin()))
     x, y, z = frames.double().unbind(2)
     return from_rotation(torch.stack([cos * x + sin * y, cos * y - sin * x, z], dim=2).to(frames), positions)

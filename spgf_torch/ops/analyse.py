@@ -61,7 +61,7 @@ def populate(
 ) -> tuple[Tensor, Tensor]:
     """The `Space` of particles: slice, cell int32 and success bool of each part; `parts` of them in each group."""
     voxels, groups, kind = Lattice(*lattice).voxels, len(parts), _key_type(lattice, len(parts))
-    group = torch.arange(groups).repeat_interleave(torch.tensor(parts)).tolist()
+    group = [g for g, count in enumerate(parts) for _ in range(count)]
     keys = []
     for g, cells, held in zip(group, cell, success, strict=True):
         rotation = cells.long() // voxels

@@ -98,7 +98,7 @@ def triangle(cells: int, half_length: int, dtype: torch.dtype) -> tuple[np.ndarr
     At distance |k| <= n = half_length that is (n + 1 - |k|) / (n + 1) (the paper: "weight falling with distance"); of
     two ways round the ring the shorter counts.
     """
-    ahead = torch.arange(cells)
+    ahead = torch.arange(cells, device="cpu")
     weight = (half_length + 1 - torch.minimum(ahead, cells - ahead)).clamp(min=0).to(dtype) / (half_length + 1)
     ahead, weight = ahead[weight > 0], weight[weight > 0]
     missing = (0, -len(ahead) % 4)

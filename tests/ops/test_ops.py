@@ -62,6 +62,15 @@ def test_a_derivative_is_refused_and_not_zero(name: str) -> None:
             out.sum().backward()
 
 
+@pytest.mark.parametrize("name", sorted(OPERATORS))
+def test_tensors_are_made_where_the_arguments_are(name: str) -> None:
+    """With another device as torch's default: what is made without a device meets its arguments elsewhere and fails."""
+    for case in CASES[name]():
+        with torch.device("meta"):
+            found = listed(OPERATORS[name].in_torch(*case))
+        assert {tensor.device.type for tensor in found} == {"cpu"}
+
+
 def test_only_operators_ask_for_a_device() -> None:
     asking = [
         str(path.relative_to(PACKAGE))
