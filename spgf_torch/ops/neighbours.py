@@ -84,7 +84,7 @@ class NeighbourhoodsInTorch:
         if len(xyz) == 0:
             none = torch.zeros(0, dtype=torch.int64, device=xyz.device)
             return NeighbourhoodsInTorch(none, xyz, none, none.view(0, 9), none.view(0, 9), radius)
-        steps = ((xyz - xyz.amin(0)) / ((1 + WIDER) * radius)).floor()
+        steps = ((xyz - xyz.amin(0).clamp(max=0)) / ((1 + WIDER) * radius)).floor()
         if steps.max() > SPAN:
             steps = torch.stack([_compact_in_torch(axis) for axis in steps.unbind(1)], dim=1)
         _, ny, nz = (int(most) + 3 for most in steps.amax(0))  # none beside the first and last

@@ -148,9 +148,10 @@ def describe() -> list[Case]:
     X = (torch.rand(400, 3, generator=draws) - 0.5) * torch.tensor([0.08, 0.06, 0.002])
     n = torch.nn.functional.normalize(0.1 * torch.randn(400, 3, generator=draws) + X.sign() * torch.tensor([0, 0, 1.0]))
     start = torch.randint(12, (400,), generator=draws)
-    ring, one = Ring(36, 6, 2), Ring(12, 0, 1)
+    ring, one, aside = Ring(36, 6, 2), Ring(12, 0, 1), X + torch.tensor([0.517, 0.031, 0.42])
     cases: list[Case] = [(X, n, None, 0.02, ring, "saturated", soft) for soft in (False, True)]
     cases += [(X, n, start, 0.02, one, "flat", False), (X.double(), n.double(), None, 0.01, ring, "saturated", False)]
+    cases.append((aside, n, None, 0.02, ring, "saturated", False))
     return [*cases, (X[:30], n[:30], None, 0.001, ring, "flat", False), (X[:0], n[:0], None, 0.02, ring, "flat", True)]
 
 
