@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
-.PHONY: train test check bench fuzz trials wheel clean
+.PHONY: train test check bench fuzz trials judges wheel clean
 train: $(READY)
 	$(BIN)/python -m spgf_torch.train +K=20
 
@@ -39,6 +39,12 @@ clean:
 trials: $(READY)
 	rm -f data/trials/SHA256SUMS
 	$(BIN)/python -m spgf_torch.simulate out=data/trials
+
+# The committed judges, each with the trials that it was learned from (half an hour on two cores).
+judges: $(READY)
+	rm -rf data/judge
+	$(BIN)/python -m spgf_torch.judge hand=panda hydra.run.dir=data/judge/panda
+	$(BIN)/python -m spgf_torch.judge hand=sdh2 trials=data/trials hydra.run.dir=data/judge/sdh2
 
 # Readers of files, with changed bytes, for so many seconds (tests/fuzz).
 FUZZ_SECONDS ?= 300

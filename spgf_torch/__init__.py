@@ -35,9 +35,10 @@ if hasattr(os, "register_at_fork"):
 
 
 def load(folder: str | Path, device: str = "cpu", judge: str | Path | None = None) -> Predictor:
-    """The model that `train` left in `folder`, ready to propose grasps (`spgf_torch.predictor`).
+    """What `train` or `judge` left in `folder`, ready to propose grasps (`spgf_torch.predictor`).
 
-    With the folder of a `judge` of its hand (`python -m spgf_torch.judge`) that proposes, and ranks by probability.
+    A judge in the folder proposes, and ranks by probability; so does one of the same hand in the folder `judge`. With
+    `judge="none"` the votes do, as they do where there is no judge.
     """
     from spgf_torch.predictor import Predictor
 

@@ -158,8 +158,7 @@ def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path],
     with claimed() as folder:
         config: Any = _config(kind, composed)
         try:
-            settings = yaml.safe_dump(asdict(config), sort_keys=False, allow_unicode=True, width=float("inf"))
-            (folder / SETTINGS).write_text(settings, encoding="utf-8")
+            write_settings(folder, config)
             run(config, folder)
         except IncompleteError:
             _point(folder)
@@ -170,6 +169,12 @@ def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path],
             raise
     _point(folder)
     return folder
+
+
+def write_settings(folder: Path, config: Any) -> None:
+    """The settings of a run, into its folder."""
+    settings = yaml.safe_dump(asdict(config), sort_keys=False, allow_unicode=True, width=float("inf"))
+    (folder / SETTINGS).write_text(settings, encoding="utf-8")
 
 
 def _point(folder: Path) -> None:

@@ -25,7 +25,7 @@ from spgf_torch.reading import reason
 
 # Settings that name files or folders, in any command.
 _SCENE = {"input", "model", "intrinsics", "poses", "mask", "segments"}
-_FOLDERS = {"objects", "trials", "runs", "out", "export", "checkpoints", "cache", "baseline", "judge"}
+_FOLDERS = {"objects", "trials", "own_trials", "runs", "out", "export", "checkpoints", "cache", "baseline", "judge"}
 PATHS = _SCENE | _FOLDERS | {"hand.urdf", "hydra.run.dir", "hydra.sweep.dir"}
 # Of these, what may hold numbers instead.
 NUMBERS = frozenset(["intrinsics", "poses"])

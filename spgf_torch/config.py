@@ -25,6 +25,8 @@ DESCRIPTORS = ("spgf", "fpfh", "patch_pairs")
 RANKINGS = ("paper", "log_odds", "log_odds_free", "calibrated")
 # The one of these that cross-validation inside the training folds chose, in each fold anew.
 NESTED = "nested"
+# A learned judge's probability (judging/candidates.py), where it is asked for.
+JUDGE = "judge"
 
 T = TypeVar("T")
 
@@ -131,6 +133,7 @@ class SceneConfig:
     table_width: float = bounded(0.01, 10.0)
     table_hypotheses: int = bounded(10, 100_000)
     gravity: Any = text()
+    border: float = bounded(0.0, 0.5)
     neighbours: int = bounded(5, 200)
     normal_radius: float = bounded(0.001, 0.1)
     min_neighbours: int = bounded(3, 200)
@@ -349,7 +352,7 @@ class TrainConfig(ObjectsConfig):
     N: int = bounded(1, 1000)
     folds: int = bounded(2, 50)
     seed: int = bounded(0, 2**31 - 1)
-    ranking: str = choice(*RANKINGS, NESTED)
+    ranking: str = choice(*RANKINGS, NESTED, JUDGE)
     inner_grasps: int = bounded(10, 1_000_000)
     trials_per_object: int = bounded(1, 1_000_000)
     training_objects: int = bounded(2, 1_000_000)
@@ -357,6 +360,12 @@ class TrainConfig(ObjectsConfig):
     fold_models: bool = MISSING
     bootstrap: int = bounded(100, 1_000_000)
     trials: str = text()
+    # Older runs do not say: theirs have none.
+    judge: str = field(default="none", metadata={"choice": ("none", "learn")})
+    own_trials: str | None = text(None)
+    judging: dict[str, Any] = field(default_factory=dict)
+    runner: str = field(default="local", metadata={"choice": ("local", "dask")})
+    address: str | None = text(None)
     device: str = text()
     cache: str | None = text()
     cache_gb: float = bounded(0.0, 1e6)
@@ -425,12 +434,15 @@ class JudgeConfig(ObjectsConfig):
     """`python -m spgf_torch.judge`: a hand's judge of grasp hypotheses."""
 
     trials: str | None = text()
+    own_trials: str | None = text()
     candidates: int = bounded(1, 1_000_000)
     rounds: int = bounded(1, 10)
     best: int = bounded(1, 1000)
     random: int = bounded(0, 1000)
     one_view: int = bounded(1, 100)
     four_views: int = bounded(0, 100)
+    surveyed: int = bounded(0, 100_000)
+    looks: int = bounded(0, 100)
     lowest_deg: float = bounded(-89.0, 89.0)
     highest_deg: float = bounded(-89.0, 89.0)
     folds: int = bounded(2, 50)
@@ -438,6 +450,9 @@ class JudgeConfig(ObjectsConfig):
     sure: float = bounded(0.0, 1.0)
     bootstrap: int = bounded(100, 1_000_000)
     seed: int = bounded(0, 2**31 - 1)
+    runner: str = choice("local", "dask")
+    address: str | None = text()
+    time_limit: float = bounded(0.1, 86_400.0)
     cache: str | None = text()
     cache_gb: float = bounded(0.0, 1e6)
     sensing: SensingConfig = field(default_factory=SensingConfig)
@@ -466,7 +481,7 @@ class ReportConfig:
     """`python -m spgf_torch.report`: Table 1, figures and a page from runs of train."""
 
     runs: Any = text()
-    ranking: str = choice("nested", "paper", "log_odds", "log_odds_free", "calibrated")
+    ranking: str = choice(NESTED, *RANKINGS, JUDGE)
     rankings: list[str] = field(default_factory=list)
     show: int | None = field(default=None)
     objects: int = bounded(1, 100)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spgf_torch.cli import door
 from spgf_torch.config import EvaluateConfig, InputError, find
-from spgf_torch.given import check_folder, check_judge, check_model
-from spgf_torch.progress import Stages
+from spgf_torch.given import NONE, check_folder, model_and_judge
+from spgf_torch.progress import Stages, show
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -26,9 +27,7 @@ if TYPE_CHECKING:
 
 def run(config: EvaluateConfig, folder: Path) -> None:
     """Sense the meshes, rank candidate grasps, execute the best of each type; write the rates into `folder`."""
-    if not config.held_out:
-        check_model(config.model)
-    _check_judge(config)
+    config = _resolved(config)
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.affordance.model import check_device
@@ -38,7 +37,6 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.evaluation.tables import executed_table, scans_table
     from spgf_torch.experiment.execution import execute_best
     from spgf_torch.objects.folders import read_objects
-    from spgf_torch.progress import show
     from spgf_torch.reporting.failures import failures_picture
     from spgf_torch.trials.hand import load_hand
     from spgf_torch.trials.runner import Trials
@@ -46,7 +44,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
 
     check_device(config.device)
     stages = Stages()
-    meets = models(config)
+    meets = None if config.model == NONE else models(config)
     found = read_objects(config, Stages(), Cache.open(config.cache, config.cache_gb))
     for note in found.notes:
         show(note)
@@ -54,10 +52,11 @@ def run(config: EvaluateConfig, folder: Path) -> None:
         show(scans_table(found.scans))
 
     objects, start = found.objects, time.perf_counter()
-    judge = _judge(objects, config)
-    if not config.held_out and (known := learned_from(objects, meets(objects[0]).model)):
-        show(f"the model learned from {known} of these objects: held_out=true asks models that have not seen them")
-    restored = [meets(obj) for obj in objects]
+    judge = _judge(config)
+    known = _known(objects, meets(objects[0]).model if meets else None, judge, config)
+    for line in (doubts := known_lines(known, judge, len(objects))):
+        show(line)
+    restored = [meets(obj) for obj in objects] if meets else []
     if config.candidates == "proposed":
         grasps, scores = proposed(restored, objects, config, stages, judge)
     else:
@@ -67,42 +66,68 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     trials = Trials(load_hand(config.hand), config.episode)
     executed = execute_best(objects, grasps, scores, trials, config, stages)
     results = executed_results(outcomes_of(objects, executed, each), config)
-    results |= _judged(executed, scores, config)
+    results |= {"learned_from": known, **_judged(executed, scores, config)}
     write_json(folder / "results.json", results)
     failures = failures_picture(objects, grasps, executed, config.hand.openings)
     if failures:
         write_bytes(folder / "failures.png", failures)
-    show(executed_table(results))
     pictured = "failures.png shows the CG grasps that failed" if failures else "no CG grasp failed: no picture"
-    show(f"results and settings in {folder}; {pictured}")
+    for content in (executed_table(results), *doubts, f"results and settings in {folder}; {pictured}"):
+        show(content)
 
 
-def _check_judge(config: EvaluateConfig) -> None:
-    """InputError for settings that a judge or a table does not go with."""
-    check_judge(config.judge)
-    for key in ("judge", "table"):
-        if getattr(config, key) and config.candidates != "proposed":
+def _resolved(config: EvaluateConfig) -> EvaluateConfig:
+    """With `model` the folder that has votes, or none, and `judge` that of the judge that ranks, or None.
+
+    A judge in the model's folder ranks what is proposed for what is sensed, and no other candidates. Raises InputError
+    for settings that a judge or a table does not go with.
+    """
+    named = config.judge not in (None, NONE)
+    for key, value in (("judge", named), ("table", config.table)):
+        if value and config.candidates != "proposed":
             raise InputError(f"{key}: expected with candidates=proposed, got {config.candidates}")
-    if config.judge is not None and config.held_out:
+    if named and config.held_out:
         raise InputError(
-            "judge: expected held_out=false, got true: one judge has no folds; how it does on objects that it has not "
-            "seen is in its README.md"
+            "held_out: expected false with judge=, got true: one judge has no folds; how it does on objects that it "
+            "has not seen is in its README.md, and train ranking=judge cross-validates judges on candidates"
         )
+    if config.held_out:
+        return replace(config, judge=None)
+    votes, judge = model_and_judge(config.model, config.judge if config.candidates == "proposed" else NONE)
+    return replace(config, model=str(votes or NONE), judge=None if judge is None else str(judge))
 
 
-def _judge(objects: Sequence[GraspObject], config: EvaluateConfig) -> Judge | None:
-    """The judge that the settings name; a line tells where it has learned from these objects."""
+def _judge(config: EvaluateConfig) -> Judge | None:
+    """The judge that ranks, if one does; a line tells which."""
     from spgf_torch.config import plain
-    from spgf_torch.progress import show
     from spgf_torch.proposing.judge import load_judge
 
     if config.judge is None:
+        show("ranked by votes")
         return None
     judge = load_judge(find(config.judge))
     judge.check_hand(plain(config.hand), "this hand")
-    if known := sum(obj.digest in judge.taught.values() for obj in objects):
-        show(f"the judge learned from {known} of these objects: its README.md has its rates on held-out ones")
+    show(f"ranked by the judge in {config.judge}")
     return judge
+
+
+def _known(
+    objects: Sequence[GraspObject], model: GraspModel | None, judge: Judge | None, config: EvaluateConfig
+) -> int:
+    """From how many of the objects it has learned who ranks: the judge, or else the model."""
+    if judge is not None:
+        return sum(obj.digest in judge.taught.values() for obj in objects)
+    return 0 if config.held_out or model is None else learned_from(objects, model)
+
+
+def known_lines(known: int, judge: Judge | None, count: int) -> list[str]:
+    """What to say of rates on `count` objects, `known` of which taught who ranks."""
+    if not known:
+        return []
+    who, instead = "model", "held_out=true asks models that have not seen them"
+    if judge is not None:
+        who, instead = "judge", "its README.md has its rates on held-out ones"
+    return [f"not novel: the {who} learned from {known} of these {count} objects; {instead}"]
 
 
 def _judged(executed: Sequence[Executed], scores: Sequence[Tensor], config: EvaluateConfig) -> dict[str, Any]:
@@ -162,31 +187,38 @@ def proposed(
     stages: Stages,
     judge: Judge | None = None,
 ) -> tuple[list[Grasps], list[Tensor]]:
-    """Grasps proposed for what is sensed of the objects, no mesh used, and their scores; random candidates beside."""
+    """Grasps proposed for what is sensed of the objects, no mesh used, and their scores; random candidates beside.
+
+    Args:
+        restored: of each object the model that meets it; none of a judge alone.
+    """
     from spgf_torch.experiment.execution import candidate_grasps, with_random
 
     pairs = []
     with stages.stage("proposing", len(objects), "objects") as advance:
-        for model, obj in zip(restored, objects, strict=True):
-            found, score = _proposals(model, obj, config, judge)
+        for index, obj in enumerate(objects):
+            found, score = _proposals(restored[index] if restored else None, obj, config, judge)
             random = candidate_grasps(obj, config.random_trials, config.sampler, config.seed)
             pairs.append(with_random(found, score, random))
             advance(1)
     return [grasps for grasps, _ in pairs], [score for _, score in pairs]
 
 
-def _proposals(model: Restored, obj: GraspObject, config: EvaluateConfig, judge: Judge | None) -> tuple[Grasps, Tensor]:
+def _proposals(
+    model: Restored | None, obj: GraspObject, config: EvaluateConfig, judge: Judge | None
+) -> tuple[Grasps, Tensor]:
     """What the judge, or else the model, proposes for an object, alone or on a table, and the scores."""
     from spgf_torch.experiment.describe import Grasps
+    from spgf_torch.experiment.tried import open_hand
     from spgf_torch.judging.clouds import seen_as
-    from spgf_torch.proposing.hypotheses import Search
-    from spgf_torch.proposing.judged import ranked
+    from spgf_torch.proposing.judged import JudgedProposer, ranked
 
     cloud = seen_as(obj, config.sensing, config.table, config.seed)
     if judge is None:
+        assert model is not None  # one of them ranks
         found = model.proposer.propose(cloud.seen.texlets, cloud.around)
         return Grasps(found.T_object_tcp.cpu(), found.grasp_type.cpu()), found.score.cpu()
-    search = Search.of(model.proposer.clearance, judge.hypotheses)
+    search = JudgedProposer.alone(judge, open_hand(config.hand), config.proposing).search
     best = ranked(judge, search, config.proposing, cloud.seen, cloud.around)
     return Grasps(best.poses.T, best.poses.grasp_type), best.probability
 

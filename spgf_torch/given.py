@@ -9,6 +9,10 @@ from typing import Any
 from spgf_torch.config import InputError, find
 from spgf_torch.reading import existing
 
+MODEL, JUDGE = ("model.json", "model.safetensors"), ("judge.json", "judge.safetensors")
+# In the place of a folder: no model, no judge.
+NONE = "none"
+
 
 def check_files(config: Any, needed: str, *others: str) -> None:
     """InputError for the first file of these settings, one or a list each, that is missing, empty or a folder.
@@ -35,23 +39,37 @@ def check_folder(name: str, path: str, what: str) -> None:
         raise InputError(f"{name}: expected {what}, got {got} at {path}")
 
 
-def check_model(path: str) -> None:
-    """InputError unless the folder holds a model, as far as its names tell."""
-    folder = find(path)
-    for name in ("model.json", "model.safetensors"):
-        if not (folder / name).is_file():
-            raise InputError(f"{folder / name}: expected a model that train left (make train), found no such file")
+def model_and_judge(model: str | Path, judge: str | Path | None) -> tuple[Path | None, Path | None]:
+    """The folders of the votes' model and of the judge that ranks; one of them may be None.
 
+    Args:
+        model: what `train` left, with a judge in it or without; a folder of a judge alone; `none`.
+        judge: a judge's folder; None: the one in the folder `model`, if there is one; `none`: the votes rank.
 
-def check_judge(path: str | None) -> None:
-    """InputError unless the folder holds a judge, as far as its names tell; None is none."""
-    if path is None:
-        return
-    for name in ("judge.json", "judge.safetensors"):
-        if not (find(path) / name).is_file():
+    Raises InputError where there is neither, or a folder does not hold what it should, as far as names tell.
+    """
+    folder = None if str(model) == NONE else find(model)
+    carries = folder is not None and _any_of(JUDGE, folder)
+    votes = None if folder is None or (carries and not _any_of(MODEL, folder)) else folder
+    ranks = folder if carries else None
+    if judge is not None:
+        ranks = None if str(judge) == NONE else find(judge)
+    if ranks is None and votes is None:
+        raise InputError(f"judge: expected a judge's folder where model={model} has no votes that could rank, got none")
+    for name in JUDGE if ranks is not None else ():
+        if not (ranks / name).is_file():  # type: ignore[operator]
             raise InputError(
-                f"judge: expected a folder that python -m spgf_torch.judge left, found no {name} in {path}"
+                f"judge: expected a folder that python -m spgf_torch.judge left, found no {name} in {ranks}"
             )
+    for name in MODEL if votes is not None else ():
+        if not (votes / name).is_file():  # type: ignore[operator]
+            hint = "" if ranks is None else "; model=none takes the judge alone"
+            raise InputError(f"{votes}/{name}: expected a model that train left (make train), found no such file{hint}")
+    return votes, ranks
+
+
+def _any_of(names: tuple[str, ...], folder: Path) -> bool:
+    return any((folder / name).is_file() for name in names)
 
 
 def _words(value: Any) -> Iterator[str | Path]:

@@ -18,12 +18,14 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from spgf_torch.affordance.model import GraspModel, check_device, load_model
+from spgf_torch.affordance.model import GraspModel, check_device, load_model, model_settings
 from spgf_torch.affordance.sensed_collision import hand_volume
-from spgf_torch.config import HandConfig, InputError, ProposingConfig, SceneConfig, SensingConfig, find, settings, typed
+from spgf_torch.config import HandConfig, InputError, ProposingConfig, SceneConfig, SensingConfig, settings, typed
 from spgf_torch.exporting.records import Grasp, Gripper, grippers_of, make_grasp
+from spgf_torch.given import model_and_judge
+from spgf_torch.proposing.borders import Borders
 from spgf_torch.proposing.clearance import Plane, Surroundings
-from spgf_torch.proposing.judge import load_judge
+from spgf_torch.proposing.judge import Judge, load_judge
 from spgf_torch.proposing.judge_features import Seen
 from spgf_torch.proposing.judged import JudgedProposer
 from spgf_torch.proposing.propose import Proposals, Proposer
@@ -42,19 +44,20 @@ RETREAT = 0.1
 
 @dataclass(frozen=True)
 class Predictor:
-    """A model with its hand.
+    """What was learned for a hand, and the hand.
 
     Attributes:
-        sensing: how the model's training objects were sensed: spacing of texlets.
+        model: the votes' model; with it `proposer`; None: of a judge alone, beside whose grasps no votes are told.
+        sensing: how the training objects were sensed: spacing of texlets.
         grippers: grasp type -> the open hand.
         retreat: m between pregrasp and grasp.
         judged: who proposes in the place of the votes; None: the votes do.
     """
 
-    model: GraspModel
+    model: GraspModel | None
     sensing: SensingConfig
     grippers: Mapping[str, Gripper]
-    proposer: Proposer
+    proposer: Proposer | None
     retreat: float
     judged: JudgedProposer | None = None
 
@@ -66,31 +69,40 @@ class Predictor:
         retreat: float = RETREAT,
         judge: str | Path | None = None,
     ) -> Predictor:
-        """The model that `train` left in `folder`, and the hand that it was trained with.
+        """What `train` or `judge` left in `folder`, and the hand that it was learned for.
 
         Args:
-            judge: the folder of a judge of this hand (`python -m spgf_torch.judge`), which then proposes.
+            judge: the folder of a judge of this hand that proposes; None: the one in `folder`, if it holds one; `none`:
+                the votes propose.
 
         Raises InputError where there is none, the hand's URDF is not here, or the judge is of another hand.
         """
         check_device(device)
-        model = load_model(find(folder), device)
-        grippers = grippers_of(load_hand(typed(HandConfig, model.settings["hand"])))
+        votes, ranks = model_and_judge(folder, judge)
+        config, sensing = proposing or settings(ProposingConfig), sensing_of(votes, ranks)
+        its_judge = None if ranks is None else load_judge(ranks)
+        model = None if votes is None else load_model(votes, device)
+        hand = (model or its_judge).settings["hand"]  # type: ignore[union-attr]
+        grippers = grippers_of(load_hand(typed(HandConfig, hand)))
         volumes = {kind: hand_volume(gripper.shapes) for kind, gripper in grippers.items()}
-        proposer = Proposer.of(model, proposing or settings(ProposingConfig), volumes)
-        judged = None if judge is None else JudgedProposer.of(load_judge(find(judge)), proposer)
-        return Predictor(model, typed(SensingConfig, model.settings["sensing"]), grippers, proposer, retreat, judged)
+        if model is None:
+            judged = JudgedProposer.alone(its_judge, volumes, config)  # type: ignore[arg-type]
+            return Predictor(None, sensing, grippers, None, retreat, judged)
+        proposer = Proposer.of(model, config, volumes)
+        return Predictor(model, sensing, grippers, proposer, retreat, _with_votes(its_judge, proposer))
 
     def ready(self) -> Predictor:
         """Do now what the first prediction would do besides: tables of the model, and compiled loops; seconds."""
-        proposer = self.proposer
-        _ = proposer.index, proposer.shortlist, proposer.moves
+        if (proposer := self.proposer) is not None:
+            _ = proposer.index, proposer.shortlist, proposer.moves
         self.predict(block(self.sensing.spacing))
         return self
 
     @cached_property
     def names(self) -> list[str]:
-        """A word for each prototype: `rim 7`, or `fpfh 7` of a descriptor without rings."""
+        """A word for each prototype: `rim 7`, or `fpfh 7` of a descriptor without rings; none of a judge alone."""
+        if self.model is None:
+            return []
         if (descriptor := descriptor_of(self.model)) != "spgf":
             return [f"{descriptor} {k}" for k in range(len(self.model.centres))]
         return prototype_names(rings_deg(self.model))
@@ -153,7 +165,8 @@ class Predictor:
         up = None
         if scene.table is None and scene.gravity is not None:
             up = (torch.from_numpy(scene.gravity.up).float(), scene.gravity.steepest)
-        return Surroundings(scene.obstacles, _table(scene.table), up, self.retreat)
+        borders = Borders.of(scene.texlets.positions, scene.borders)
+        return Surroundings(scene.obstacles, _table(scene.table), up, self.retreat, borders)
 
     def propose(self, texlets: Texlets, plane: np.ndarray | None = None) -> Proposals:
         """All proposals, as tensors on the model's device."""
@@ -161,9 +174,10 @@ class Predictor:
 
     def _proposed(self, texlets: Texlets, around: Surroundings, views: tuple[DepthView, ...] | None) -> Proposals:
         """By the judge, where there is one, else by the votes."""
-        if self.judged is None:
-            return self.proposer.propose(texlets, around)
-        return self.judged.propose(Seen(texlets, views or ()), around)
+        if self.judged is not None:
+            return self.judged.propose(Seen(texlets, views or ()), around)
+        assert self.proposer is not None  # one of them ranks
+        return self.proposer.propose(texlets, around)
 
     def grasps(self, proposals: Proposals, top: int) -> list[Grasp]:
         """The best of the proposals, with everything that a robot needs."""
@@ -182,8 +196,26 @@ class Predictor:
             if proposals.judged is not None:
                 free, holds = proposals.judged[i].tolist()
                 judged = (free, holds)
-            found.append(replace(grasp, score=float(proposals.score[i]), judged=judged))
+            numbers = proposals.numbers[i] if proposals.numbers else None
+            found.append(replace(grasp, score=float(proposals.score[i]), judged=judged, numbers=numbers))
         return found
+
+
+def sensing_of(model: Path | None, judge: Path | None) -> SensingConfig:
+    """How what is in a model's folder, or else in a judge's, was sensed."""
+    if model is not None:
+        return typed(SensingConfig, model_settings(model)["sensing"])
+    assert judge is not None
+    told = load_judge(judge).settings.get("sensing")
+    return settings(SensingConfig) if told is None else typed(SensingConfig, told)
+
+
+def _with_votes(judge: Judge | None, proposer: Proposer) -> JudgedProposer | None:
+    """InputError where the judge is of another hand than the model."""
+    try:
+        return None if judge is None else JudgedProposer.of(judge, proposer)
+    except InputError as error:
+        raise InputError(f"{error}; or model=none, for the judge alone") from None
 
 
 def _table(plane: np.ndarray | None) -> Plane | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -13,6 +13,8 @@ from spgf_torch.terminal import Plain
 
 # Seconds between lines where there is no terminal to draw a bar in.
 EVERY = 20.0
+# Seconds of work before which nothing is said of all stages; of a stage whose results were kept, at most.
+SOON, KEPT = 5.0, 0.5
 # Columns of tables where there is no terminal.
 WIDTH = 120
 
@@ -32,10 +34,35 @@ class Stages:
     """Stages of a run: a bar with an estimate in a terminal, lines now and then elsewhere.
 
     `seconds` holds the wall time of every stage so far; stages of the same name add up.
+
+    Args:
+        plan: name and share of the work of the stages to come, in order, where an estimate for all of them is wanted.
+            One that is not begun when a later one is, was not needed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, plan: Sequence[tuple[str, float]] = ()) -> None:
         self.seconds: dict[str, float] = {}
+        self.plan = list(plan)
+        self._worked, self._spent = 0.0, 0.0  # of the plan: shares of work done, and the seconds that they took
+
+    def _share(self, name: str) -> float | None:
+        """Of the next stage of this name, up to which the plan is now over; None of one that is not planned."""
+        at = next((at for at, (planned, _) in enumerate(self.plan) if planned == name), None)
+        if at is None:
+            return None
+        share = self.plan[at][1]
+        del self.plan[: at + 1]
+        return share
+
+    def _left(self, share: float | None, part: float, taken: float) -> str:
+        """Words about all stages, when `part` of one of `share` has taken so many seconds; none before they mean any.
+
+        A stage that took no time, since its work is kept, tells nothing about the others.
+        """
+        if share is None or not self.plan or self._spent + taken < SOON:
+            return ""
+        left = (1 - part) * share + sum(share for _, share in self.plan)
+        return f", about {(self._spent + taken) / (self._worked + part * share) * left:.0f} s of all stages left"
 
     @contextmanager
     def stage(
@@ -55,6 +82,7 @@ class Stages:
             TimeRemainingColumn(),
         )
         done, told, bar = 0, start, console.is_terminal and not _label
+        share = self._share(name)
 
         def advance(steps: int = 1) -> None:
             nonlocal done, told
@@ -66,6 +94,7 @@ class Stages:
                 left = (now - start) / done * (total - done)
                 console.print(
                     f"{_label}{name:12} {done:6d} of {total} {unit:10} {now - start:6.1f} s, about {left:.0f} s left"
+                    f"{self._left(share, done / total, now - start)}"
                 )
 
         with Progress(*columns, console=console, transient=True, disable=not bar) as progress:
@@ -73,7 +102,10 @@ class Stages:
             yield advance
         taken = time.perf_counter() - start
         self.seconds[name] = self.seconds.get(name, 0.0) + taken
-        console.print(f"{_label}{name:12} {done:6d} {unit:10} done in {taken:6.1f} s{note()}")
+        overall = self._left(share, 1.0, taken)
+        if share is not None and taken > KEPT:
+            self._worked, self._spent = self._worked + share, self._spent + taken
+        console.print(f"{_label}{name:12} {done:6d} {unit:10} done in {taken:6.1f} s{note()}{overall}")
 
 
 def show(content: Any) -> None:

@@ -71,6 +71,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
 
 def share_of(config: SimulateConfig) -> tuple[int, int]:
     """(i, n) of `shard`. Raises InputError for another key that does not go with what else is set, too."""
+    from spgf_torch.trials.runners import check_address
     from spgf_torch.trials.table import OUTCOMES
 
     match = re.fullmatch(r"([1-9]\d{0,5})/([1-9]\d{0,5})", config.shard)
@@ -80,9 +81,7 @@ def share_of(config: SimulateConfig) -> tuple[int, int]:
         raise InputError("out: expected a folder, the same for all shards; got none")
     if config.failed_as not in (None, *OUTCOMES):
         raise InputError(f"failed_as: expected null or one of {', '.join(OUTCOMES)}; got {config.failed_as}")
-    if (config.runner == "dask") != bool(config.address):
-        got = config.address or "none"
-        raise InputError(f"address: expected that of a Dask scheduler with runner=dask, and only then; got {got}")
+    check_address(config.runner, config.address)
     return int(match[1]), int(match[2])
 
 

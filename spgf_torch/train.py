@@ -1,52 +1,145 @@
-"""`python -m spgf_torch.train +K=20`: the experiment of the paper, and a model learned on all objects."""
+"""`python -m spgf_torch.train +K=20`: the experiment of the paper, and a model learned on all objects.
+
+`ranking=judge` has candidates ranked by a learned judge, too (`judging.candidates`), cross-validated like the votes.
+
+`hand=panda judge=learn` is all that a new hand takes: random trials, votes, rounds of own trials, a judge.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from spgf_torch.cli import door
-from spgf_torch.config import InputError, TrainConfig
+import yaml
+
+from spgf_torch.cli import door, write_settings
+from spgf_torch.config import JUDGE, InputError, TrainConfig, root
 from spgf_torch.given import check_folder
 from spgf_torch.progress import Stages, show
 
 if TYPE_CHECKING:
+    from spgf_torch.cache import Cache
     from spgf_torch.experiment.experiment import Design
+    from spgf_torch.judging.course import Course
     from spgf_torch.objects.grasp_object import GraspObject
+    from spgf_torch.trials.table import TrialTable
 
 
 def run(config: TrainConfig, folder: Path) -> None:
-    """Describe the objects, cross-validate, learn on all of them; write results and the model into `folder`."""
+    """Describe the objects, cross-validate, learn on all of them; write results and the model into `folder`.
+
+    With `judge=learn` a judge of the hand, and the trials that were made to teach it, go beside the model.
+    """
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
+    _check_judge(config)
 
-    from spgf_torch.affordance.model import check_device, save_model
+    from spgf_torch.affordance.model import check_device
     from spgf_torch.cache import Cache
-    from spgf_torch.evaluation.card import model_card
-    from spgf_torch.evaluation.files import write_per_object, write_predictions, write_results
-    from spgf_torch.evaluation.novel import novel_objects
-    from spgf_torch.evaluation.results import build_results
-    from spgf_torch.evaluation.tables import calibration_line, chosen_line, results_table
-    from spgf_torch.experiment.costs import prediction_ms
-    from spgf_torch.experiment.describe import Description
-    from spgf_torch.experiment.experiment import Experiment
-    from spgf_torch.experiment.held_out import save_fold_models
-    from spgf_torch.experiment.space import Example
-    from spgf_torch.experiment.tried import dataset_digest, open_hand, tried_grasps
+    from spgf_torch.evaluation.files import write_results
+    from spgf_torch.evaluation.tables import calibration_line, chosen_line, judge_lines, results_table
     from spgf_torch.objects.folders import read_objects
-    from spgf_torch.writing import write_text
 
     check_device(config.device)
     start, stages = time.perf_counter(), Stages()
     cache = Cache.open(config.cache, config.cache_gb)
     found = read_objects(config, stages, cache)
-    objects = found.objects
     for note in found.notes:
         show(note)
-    design = _design(objects, config)
-    tried = tried_grasps(objects, config)
+    design = _design(found.objects, config)
+    course = _course(found.objects, config, cache, stages)
+    tables, made = _tables(found.objects, config, course)
+    if made:
+        config = replace(config, trials=str(folder / "trials"))
+    results = _votes(config, folder, found.objects, design, tables, cache, stages)
+    if course is not None:
+        results["judge"] = _judge(course, tables, made, config, folder)
+    write_results(folder, {**results, "seconds": {**stages.seconds, "total": time.perf_counter() - start}})
+    for content in (results_table(results), chosen_line(results), calibration_line(results), *judge_lines(results)):
+        show(content)
+    show(f"results, model and settings in {folder}" if config.final_model else f"results and settings in {folder}")
+    if course is not None:
+        show(
+            "a judge is beside them: predict and evaluate of this folder (model=) rank by it, with judge=none by votes"
+        )
+
+
+def _check_judge(config: TrainConfig) -> None:
+    """InputError for settings of a judge where none is to be learned, and for tables that are not there."""
+    given = {"own_trials": config.own_trials, "judging": config.judging, "address": config.address}
+    for key, value in given.items():
+        if value and config.judge == "none":
+            raise InputError(f"{key}: expected with judge=learn, got judge=none")
+    if config.own_trials is not None:
+        check_folder("own_trials", config.own_trials, "the tables of own trials that judge=learn leaves")
+
+
+def _course(objects: Sequence[GraspObject], config: TrainConfig, cache: Cache, stages: Stages) -> Course | None:
+    """How a judge is learned, if one is asked for; InputError where the settings do not go together."""
+    if config.judge == "none":
+        return None
+    from spgf_torch.judging.course import Course
+    from spgf_torch.judging.settings import VOTES, judge_settings
+    from spgf_torch.judging.settings import stages as plan
+
+    settings = judge_settings(config)
+    random, *others = plan(settings, tried=False)
+    stages.plan = [random, *VOTES, *others]
+    return Course.of(objects, settings, cache, stages)
+
+
+def _tables(
+    objects: Sequence[GraspObject], config: TrainConfig, course: Course | None
+) -> tuple[list[TrialTable], bool]:
+    """The random trials on each object, and whether they were made here.
+
+    They are where a judge is learned, `trials` is not given, and what it stands for is of another hand or other
+    objects.
+    """
+    from spgf_torch.experiment.tried import tables_of
+    from spgf_torch.trials.attempts import Trials
+    from spgf_torch.trials.hand import load_hand
+
+    try:
+        return tables_of(objects, config.trials, Trials(load_hand(config.hand), config.episode), config.sampler), False
+    except InputError as error:
+        shipped = yaml.safe_load((root() / "conf/train.yaml").read_text(encoding="utf-8"))["trials"]
+        if course is None or config.trials != shipped:
+            raise
+        count = course.shop.config.candidates
+        show(
+            f"random trials: {count} of each type on each object are made here, those in {shipped} are others ({error})"
+        )
+        return course.made_tables(), True
+
+
+def _votes(
+    config: TrainConfig,
+    folder: Path,
+    objects: Sequence[GraspObject],
+    design: Design,
+    tables: Sequence[TrialTable],
+    cache: Cache,
+    stages: Stages,
+) -> dict[str, Any]:
+    """The paper's experiment on these trials: its results; the model and what was predicted are written."""
+    from spgf_torch.affordance.model import save_model
+    from spgf_torch.evaluation.card import model_card
+    from spgf_torch.evaluation.files import write_per_object, write_predictions
+    from spgf_torch.evaluation.novel import novel_objects
+    from spgf_torch.evaluation.results import build_results
+    from spgf_torch.experiment.costs import prediction_ms
+    from spgf_torch.experiment.describe import Description
+    from spgf_torch.experiment.experiment import Experiment
+    from spgf_torch.experiment.held_out import save_fold_models
+    from spgf_torch.experiment.space import Example
+    from spgf_torch.experiment.tried import Tried, dataset_digest, open_hand
+    from spgf_torch.writing import write_text
+
+    tried = [Tried.of(table) for table in tables]
     volumes = open_hand(config.hand)
     describe = Description(
         config.sensing, config.features, config.affordance, volumes, config.seed, config.device, cache
@@ -54,8 +147,14 @@ def run(config: TrainConfig, folder: Path) -> None:
     described = describe.describe(objects, [t.grasps for t in tried], stages)
     examples = [Example(d, t.success.to(config.device)) for d, t in zip(described, tried, strict=True)]
     learned = Experiment.of(config, design, objects, examples, cache).run(stages)
+    predicted = learned.predicted
+    if config.ranking == JUDGE:
+        from spgf_torch.judging.candidates import CandidateRanking  # brings scikit-learn
 
-    novel, model = novel_objects(objects, tried, learned.predicted, design.fold), learned.model
+        scores = CandidateRanking.of(config, cache).scores(design, objects, tried, examples, stages)
+        predicted = [each.joined_by(JUDGE, score) for each, score in zip(predicted, scores, strict=True)]
+
+    novel, model = novel_objects(objects, tried, predicted, design.fold), learned.model
     results = build_results(novel, config, dataset_digest(objects, tried)) | {"from_cache": dict(cache.hits)}
     if model is not None:
         size = save_model(model, folder)
@@ -66,10 +165,23 @@ def run(config: TrainConfig, folder: Path) -> None:
         save_fold_models(learned.of_fold, objects, design.fold.tolist(), folder)
     write_per_object(folder / "per_object.csv", novel, config.N)
     write_predictions(folder / "predictions.parquet", novel)
-    write_results(folder, {**results, "seconds": {**stages.seconds, "total": time.perf_counter() - start}})
-    for content in (results_table(results), chosen_line(results), calibration_line(results)):
-        show(content)
-    show(f"results, model and settings in {folder}" if model else f"results and settings in {folder}")
+    return results
+
+
+def _judge(
+    course: Course, tables: Sequence[TrialTable], made: bool, config: TrainConfig, folder: Path
+) -> dict[str, Any]:
+    """Learn the judge; write it, and the trials that were made, beside the model. How it did on held-out objects."""
+    from spgf_torch.judging.course import TRIALS, write_tables
+    from spgf_torch.judging.validation import executed_table
+
+    judge, own = course.judge(tables)
+    if made:
+        write_tables(tables, folder / TRIALS)
+        write_settings(folder, config)
+    course.save(judge, own, folder, "JUDGE.md")
+    show(executed_table(dict(judge.results["executed"]), course.shop.config.best))
+    return dict(judge.results)
 
 
 def _design(objects: Sequence[GraspObject], config: TrainConfig) -> Design:

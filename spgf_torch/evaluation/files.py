@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.config import GRASP_TYPES, RANKINGS
+from spgf_torch.config import GRASP_TYPES, NESTED
 from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.results import object_rates
 from spgf_torch.evaluation.success import TYPES
@@ -68,7 +68,7 @@ def write_predictions(path: Path, objects: Sequence[Novel]) -> None:
     for name in ("success", "collides"):
         columns[name] = np.concatenate([getattr(o, name) for o in objects])
     columns["votes"] = np.concatenate([o.votes for o in objects]).astype(np.int32)
-    for name in RANKINGS:
+    for name in (name for name in objects[0].scores if name != NESTED):  # that one is one of the others
         columns[f"score_{name}"] = np.concatenate([o.scores[name] for o in objects]).astype(np.float32)
     for name in ("probability_before", "probability"):
         columns[name] = np.concatenate([getattr(o, name) for o in objects]).astype(np.float32)

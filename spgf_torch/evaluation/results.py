@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.config import CLASSES, GRASP_TYPES, InputError, TrainConfig
+from spgf_torch.config import CLASSES, GRASP_TYPES, JUDGE, NESTED, InputError, TrainConfig
 from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.reliability import brier, reliability
 from spgf_torch.evaluation.success import (
@@ -18,6 +18,7 @@ from spgf_torch.evaluation.success import (
     bootstrap_interval,
     ceiling,
     class_means,
+    paired_difference,
     random_rate,
     top_n,
 )
@@ -74,6 +75,30 @@ def build_results(objects: Sequence[Novel], config: TrainConfig, dataset: str) -
         "chosen": {str(o.fold): o.chosen for o in sorted(objects, key=lambda o: o.fold)},
         "calibration": calibration_block(objects),
         "dataset": dataset,
+        **(judge_blocks(objects, rankings, config) if JUDGE in rankings else {}),
+    }
+
+
+def judge_blocks(
+    objects: Sequence[Novel], rates: Mapping[str, Sequence[Rates]], config: TrainConfig
+) -> dict[str, dict[str, Any]]:
+    """What `results.json` holds more where a judge ranked: its paired difference to the votes, and its calibration.
+
+    Brier score and calibration error are of the candidates that it judged, those without a sensed collision, of which
+    `candidates` tells how many; the block `calibration` is of the votes.
+    """
+    classes = [o.category for o in objects]
+    draws = (config.bootstrap, config.seed)
+    mean, interval = paired_difference(classes, rates[JUDGE], rates[NESTED], *draws)
+    block = {}
+    for code, kind in enumerate(GRASP_TYPES):
+        judged = [(o.grasp_type == code) & (o.scores[JUDGE] >= 0) for o in objects]
+        said = np.concatenate([o.scores[JUDGE][mask] for o, mask in zip(objects, judged, strict=True)])
+        held = np.concatenate([o.success[mask] for o, mask in zip(objects, judged, strict=True)])
+        block[kind] = {"candidates": len(said), "brier": brier(said, held), "ece": reliability(said, held).ece}
+    return {
+        "judge_minus_nested": {"mean": mean, "interval95": interval},
+        "calibration_by_ranking": {JUDGE: block},
     }
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from spgf_torch.config import CLASSES, GRASP_TYPES
+from spgf_torch.config import CLASSES, GRASP_TYPES, JUDGE, NESTED
 from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.results import chosen_words
 from spgf_torch.evaluation.success import TYPES, class_means, random_rate
@@ -22,12 +22,16 @@ if TYPE_CHECKING:
 Block = Mapping[str, Mapping[str, float]]
 
 
-def results_table(results: Mapping[str, Any], rankings: Sequence[str] = ("paper", "nested")) -> Table:
+def results_table(results: Mapping[str, Any], rankings: Sequence[str] | None = None) -> Table:
     """Table 1 for this K, in percent: the paper's rate, ours by two rankings with 95 % intervals, chance, ceiling.
 
     A row a class that occurs and type, so that it fits 80 columns.
+
+    Args:
+        rankings: at most two; None: `paper` and `nested`, or where a judge ranked `nested` and `judge`.
     """
     K = results["K"]
+    rankings = rankings or ((NESTED, JUDGE) if JUDGE in results["by_ranking"] else ("paper", NESTED))
     table = Table(
         title=f"Success-rate (%) of the {results['N']} highest-ranked grasps on novel objects, K = {K}",
         caption="(low-high): 95 % interval over objects. free: candidates without a sensed collision.",
@@ -68,6 +72,21 @@ def calibration_line(results: Mapping[str, Any]) -> str:
     blocks = results["calibration"].items()
     told = ", ".join(f"{kind} {block['ece']:.3f} (as voted {block['ece_before']:.3f})" for kind, block in blocks)
     return f"expected calibration error of the probabilities: {told}"
+
+
+def judge_lines(results: Mapping[str, Any]) -> list[str]:
+    """Of a run with the ranking `judge`: what it knows more, how it compares with the votes, its calibration."""
+    if JUDGE not in results["by_ranking"]:
+        return []
+    change = results["judge_minus_nested"]
+    mean, (low, high) = change["mean"]["all"]["CG"], change["interval95"]["all"]["CG"]
+    blocks = results["calibration_by_ranking"][JUDGE].items()
+    told = ", ".join(f"{kind} {block['ece']:.3f}" for kind, block in blocks)
+    return [
+        "judge: learned from the same trials, not from votes; it also knows unseen space and which trials collided",
+        f"judge minus nested, CG, all: {100 * mean:+.1f} points ({100 * low:+.1f} to {100 * high:+.1f}, paired)",
+        f"expected calibration error of the judge, candidates without a sensed collision: {told}",
+    ]
 
 
 def random_rates(classes: Sequence[str], success: Sequence[Any], grasp_type: Sequence[Any]) -> Table:

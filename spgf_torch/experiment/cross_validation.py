@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -27,7 +27,7 @@ class Predicted:
 
     Attributes:
         judged: votes and their combinations.
-        scores: name of `config.RANKINGS`, or `config.NESTED` -> (G,) f32.
+        scores: name of `config.RANKINGS`, `config.NESTED`, or one that joined -> (G,) f32.
         probability (G,) f32: calibrated.
         chosen: the ranking that the training folds chose.
     """
@@ -36,6 +36,10 @@ class Predicted:
     scores: dict[str, Tensor]
     probability: Tensor
     chosen: str
+
+    def joined_by(self, name: str, score: Tensor) -> Predicted:
+        """The same with the scores (G,) of another ranking, which was not among those to choose from."""
+        return replace(self, scores={**self.scores, name: score})
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,12 @@ class Design:
         return groups if len(groups) > 1 else [train[::2], train[1::2]]
 
 
+def teaching(examples: Sequence[Example], config: TrainConfig) -> list[Tensor]:
+    """Of each object those of its grasps that may teach: indices (C,) int64, ascending."""
+    generator = torch.Generator().manual_seed(config.seed)
+    return [example.sample_of_each_type(config.trials_per_object, generator) for example in examples]
+
+
 @dataclass(frozen=True)
 class Learned:
     """What an experiment leaves.
@@ -93,8 +99,7 @@ class Experiment:
         config: TrainConfig, design: Design, objects: Sequence[GraspObject], examples: Sequence[Example], cache: Cache
     ) -> Experiment:
         """The experiment that the settings describe."""
-        generator = torch.Generator().manual_seed(config.seed)
-        teach = [e.of_grasps(e.sample_of_each_type(config.trials_per_object, generator)) for e in examples]
+        teach = [e.of_grasps(which) for e, which in zip(examples, teaching(examples, config), strict=True)]
         prototypes = replace(config.prototypes, num_clusters=config.K)
         return Experiment(config, design, objects, examples, teach, PrototypeFit(prototypes, config.seed, cache))
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import torch
 from torch import Tensor
 
 from spgf_torch.affordance.sensed_collision import HandVolume, hand_volume
@@ -16,7 +17,9 @@ from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.reading import yaml_values
 from spgf_torch.trials.hand import load_hand
 from spgf_torch.trials.runner import Trials, origin
-from spgf_torch.trials.table import TrialTable, read_tables
+from spgf_torch.trials.table import OUTCOMES, TrialTable, read_tables
+
+SUCCESS = OUTCOMES.index("success")
 
 
 @dataclass(frozen=True)
@@ -25,17 +28,31 @@ class Tried:
 
     Attributes:
         grasps: what was tried.
-        success (G,) bool: how it ended.
+        outcome (G,) int64: how it ended, index into `trials.table.OUTCOMES`.
     """
 
     grasps: Grasps
-    success: Tensor
+    outcome: Tensor
+
+    def __post_init__(self) -> None:
+        if self.outcome.dtype == torch.bool:  # as codes, successes would be failures
+            raise TypeError("outcome: expected indices into OUTCOMES, got bool")
+
+    @staticmethod
+    def of(table: TrialTable) -> Tried:
+        """All trials of a table."""
+        return Tried(Grasps(table.T_object_tcp, table.grasp_type), table.outcome)
+
+    @property
+    def success(self) -> Tensor:
+        """(G,) bool."""
+        return self.outcome == SUCCESS
 
 
 def tried_grasps(objects: Sequence[GraspObject], config: TrainConfig) -> list[Tried]:
     """The trials on each object, in its order; see `tables_of`."""
     tables = tables_of(objects, config.trials, Trials(load_hand(config.hand), config.episode), config.sampler)
-    return [Tried(Grasps(t.T_object_tcp, t.grasp_type), t.success) for t in tables]
+    return [Tried.of(table) for table in tables]
 
 
 def tables_of(objects: Sequence[GraspObject], place: str, trials: Trials, sampler: SamplerConfig) -> list[TrialTable]:

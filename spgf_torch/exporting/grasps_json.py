@@ -29,13 +29,19 @@ SCHEMA = 1
 _FACTORS = ("free", "holds")
 
 
-def write_grasps(path: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper]) -> None:
+def write_grasps(
+    path: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper], judge: Mapping[str, Any] | None = None
+) -> None:
     """Write grasps, best first, a line each: numbers in full, the file as a whole or not at all.
 
     T_input_tcp and T_input_pregrasp are poses of the TCP (+z approach, +x closing), T_input_base is the pose of the
     hand's base link `base_link` with the axes of its URDF; all in the input's frame.
+
+    Args:
+        judge: who ranked and what was known, under the key "judge"; None: the votes ranked.
     """
-    head = {"schema": SCHEMA, "frame": "input", "base_link": next(iter(grippers.values())).base_link}
+    head: dict[str, Any] = {"schema": SCHEMA, "frame": "input"}
+    head |= {"base_link": next(iter(grippers.values())).base_link, **({} if judge is None else {"judge": dict(judge)})}
     lines = [json.dumps(_plain(grasp, gripper_for(grasp, grippers)), allow_nan=False) for grasp in grasps]
     opened = json.dumps({**head, "grasps": []}).removesuffix("]}")
     write_text(path, opened + "".join(f"\n{line}," for line in lines).removesuffix(",") + "\n]}\n")

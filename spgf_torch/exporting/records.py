@@ -10,6 +10,7 @@ import trimesh
 
 from spgf_torch.config import InputError
 from spgf_torch.exporting.checks import number, rigid, whole
+from spgf_torch.proposing.weighing import Numbers
 from spgf_torch.reading import xml_root
 from spgf_torch.trials.hand import Hand, Kinematics
 
@@ -58,6 +59,7 @@ class Grasp:
         target: the number of what it grasps, where a scene has several (`segments`); else 1.
         score: what ranks grasps of a model: the votes' mean evidence, drawn to 0 where there are few; no probability.
         judged: of a judge P(free) and P(holds | free), whose product is the probability; None where the votes ranked.
+        numbers: what the judge knew of it; None where the votes ranked, or of a grasp that was read.
     """
 
     type: str
@@ -72,6 +74,7 @@ class Grasp:
     target: int = 1
     score: float = 0.0
     judged: tuple[float, float] | None = None
+    numbers: Numbers | None = field(default=None, repr=False, compare=False)
 
 
 def grippers_of(hand: Hand) -> dict[str, Gripper]:

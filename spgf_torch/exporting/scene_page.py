@@ -6,6 +6,7 @@ import html
 import json
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import trimesh
 from matplotlib.colors import to_hex
 
 from spgf_torch.exporting.records import Grasp, Gripper, gripper_for
-from spgf_torch.exporting.scene import CORNERS, Eye, Scene, pieces, scene_of
+from spgf_torch.exporting.scene import CORNERS, Beside, Eye, Scene, pieces, scene_of
 from spgf_torch.exporting.scene_picture import scene_picture
 from spgf_torch.exporting.table import direction, voters
 from spgf_torch.reporting.page import Section, caption, drawn, page, png, table
@@ -36,34 +37,39 @@ def write_scene_page(
     grasps: Sequence[Grasp],
     grippers: Mapping[str, Gripper],
     names: Sequence[str] | None = None,
+    beside: Beside | None = None,
 ) -> None:
     """Write the cloud with its grasps as a page (.html) and as a picture (.png).
 
     Args:
         points, normals: (M, 3), m and unit, in the input's frame.
         grasps: best first. grippers: `records.grippers_of` the hand. names: a word for each prototype.
+        beside: obstacles, table, and what is told.
 
     Raises:
         InputError: no points, or points and normals of different shapes.
     """
-    scene = scene_of(points, normals, grasps, grippers)
+    beside = beside or Beside()
+    scene = scene_of(points, normals, grasps, grippers, beside)
     write_bytes(picture_path, png(drawn(scene_picture(scene))))
     lead = f"<p>{len(grasps)} grasps on a cloud of {len(points):,} points, best first.</p>"
+    lead += "".join(f"<p>{html.escape(line)}</p>" for line in beside.told)
     sections = [
-        Section("scene", "Scene", _scene_html(scene, grippers, names)),
-        Section("ranked", "Ranked grasps", _ranked_html(grasps, names)),
+        Section("scene", "Scene", _scene_html(scene, grippers, names, beside)),
+        Section("ranked", "Ranked grasps", _ranked_html(grasps, names, beside.weighed)),
+        *([Section("input", "Input", _list(beside.notes))] if beside.notes else []),
         Section("frames", "Frames", caption(_FRAMES)),
     ]
     write_text(page_path, page("Grasps", lead, sections))
 
 
-def _scene_html(scene: Scene, grippers: Mapping[str, Gripper], names: Sequence[str] | None) -> str:
+def _scene_html(scene: Scene, grippers: Mapping[str, Gripper], names: Sequence[str] | None, beside: Beside) -> str:
     options = "".join(
         f"<option>{rank}: {html.escape(grasp.type)}, {100 * grasp.probability:.0f} %{_of_target(grasp)}</option>"
         for rank, grasp in enumerate(scene.grasps, start=1)
     )
     eyes = "".join(f'<button data-eye="{eye}">{eye}</button>' for eye in _EYES)
-    content = json.dumps(_content(scene, grippers, names), separators=(",", ":")).replace("</", "<\\/")
+    content = json.dumps(_content(scene, grippers, names, beside.weighed), separators=(",", ":")).replace("</", "<\\/")
     room = files("spgf_torch.exporting")
     styles, script = (room.joinpath(name).read_text(encoding="utf-8") for name in ("scene.css", "scene.js"))
     return (
@@ -71,6 +77,7 @@ def _scene_html(scene: Scene, grippers: Mapping[str, Gripper], names: Sequence[s
         + caption(
             "A fork is the open hand: axis of approach, palm, and two fingers out to their tips; red: it will fail, "
             "green: it will hold. A chosen grasp shows its whole hand, and the way that it comes."
+            + _surroundings_words(beside)
         )
         + f'<div class="scene"><div class="tools"><label>grasp <select><option>all</option>{options}</select></label>'
         '<button data-step="-1" aria-label="previous">&#9664;</button>'
@@ -83,10 +90,19 @@ def _scene_html(scene: Scene, grippers: Mapping[str, Gripper], names: Sequence[s
     )
 
 
-def _content(scene: Scene, grippers: Mapping[str, Gripper], names: Sequence[str] | None) -> dict[str, Any]:
+def _surroundings_words(beside: Beside) -> str:
+    """What the colours beside the targets' mean; empty where there are none."""
+    parts = ["blue: obstacles"] * bool(len(beside.obstacles)) + ["squares: the table"] * (beside.table is not None)
+    return f" Grey: what is to be grasped; {'; '.join(parts)}." if parts else ""
+
+
+def _content(
+    scene: Scene, grippers: Mapping[str, Gripper], names: Sequence[str] | None, weighed: Sequence[str]
+) -> dict[str, Any]:
     """What scene.js draws, as plain values; coordinates in mm."""
     colours = [to_hex(colour) for colour in scene.grasp_colours]
-    words = [_words(rank, grasp, names) for rank, grasp in enumerate(scene.grasps, start=1)]
+    told = weighed or [""] * len(scene.grasps)
+    words = [_words(i + 1, grasp, names, told[i]) for i, grasp in enumerate(scene.grasps)]
     hands = [gripper_for(grasp, grippers).shapes for grasp in scene.grasps]
     return {
         "cloud": _cloud(scene),
@@ -166,12 +182,13 @@ def _of_target(grasp: Grasp) -> str:
     return "" if grasp.target == 1 else f", target {grasp.target}"
 
 
-def _words(rank: int, grasp: Grasp, names: Sequence[str] | None) -> str:
+def _words(rank: int, grasp: Grasp, names: Sequence[str] | None, weighed: str) -> str:
     """What is shown where the mouse is."""
     lines = (
         f"<b>{rank}</b>: {html.escape(grasp.type)}{_of_target(grasp)}",
         f"probability {100 * grasp.probability:.0f} %",
         judged_words(grasp),
+        _lines(weighed),
         f"{grasp.support} votes",
         html.escape(voters(grasp, names)),
     )
@@ -186,25 +203,37 @@ def judged_words(grasp: Grasp) -> str:
     return f"free with {100 * free:.0f} %, then holds with {100 * holds:.0f} %"
 
 
-def _ranked_html(grasps: Sequence[Grasp], names: Sequence[str] | None) -> str:
+def _ranked_html(grasps: Sequence[Grasp], names: Sequence[str] | None, weighed: Sequence[str]) -> str:
     judged = any(grasp.judged for grasp in grasps)
-    told = ("judge",) if judged else ()
-    place = ("votes", "x (mm)", "y (mm)", "z (mm)", "approach", "prototypes")
+    told = ("judge, and what it weighed most", "shapes that voted", "votes") if judged else ("votes",)
+    place = ("x (mm)", "y (mm)", "z (mm)", "approach", *(() if judged else ("prototypes",)))
     head = ("rank", "type", "probability (%)", *told, *place)
+    reasons = ["<br>".join(filter(None, pair)) for pair in zip_longest(map(judged_words, grasps), map(_lines, weighed))]
+    shapes = [html.escape(voters(grasp, names)) for grasp in grasps]
     rows = [
         [
             str(rank),
             html.escape(grasp.type) + _of_target(grasp),
             f"{100 * grasp.probability:.1f}",
-            *([judged_words(grasp)] if judged else []),
+            *([reasons[rank - 1], shapes[rank - 1].replace(", ", "<br>")] if judged else []),
             str(grasp.support),
             *(f"{1000 * value:.1f}" for value in grasp.T_input_tcp[:3, 3]),
             direction(grasp),
-            html.escape(voters(grasp, names)),
+            *([] if judged else [shapes[rank - 1]]),
         ]
         for rank, grasp in enumerate(grasps, start=1)
     ]
-    return table(head, rows)
+    words = caption(_WEIGHED) if judged and weighed else ""
+    return words + table(head, rows)
+
+
+def _list(lines: Sequence[str]) -> str:
+    return f"<ul>{''.join(f'<li>{html.escape(line)}</li>' for line in lines)}</ul>"
+
+
+def _lines(weighed: str) -> str:
+    """A number a line."""
+    return html.escape(weighed).replace("; ", "<br>")
 
 
 def _xyz(points: np.ndarray) -> Trace:
@@ -215,6 +244,11 @@ def _mm(metres: np.ndarray) -> np.ndarray:
     return np.round(1000 * metres, DIGITS)
 
 
+_WEIGHED = (
+    "The judge ranked. What it weighed most: the numbers that moved its probability most, up (+) or down (-), against "
+    "what is usual among the hypotheses about the same thing. The local shapes (prototypes) that voted for a grasp are "
+    "told beside it; they take no part in the rank."
+)
 _EYES = ("front", "left", "right", "back", "above")
 _FRAMES = (
     "All positions and directions are in the input's frame. The TCP lies midway between the pads, its z axis is the "

@@ -2,5 +2,5 @@
 
 `clouds` senses each object alone and on a table, from one side and from several; `rows` describes trials in these
 clouds; `rounds` chooses hypotheses and has them tried (`trying`); `learning` fits; `validation` measures on held-out
-objects; `card` tells people.
+objects; `card` tells people. `candidates` is the ranking `judge` of the paper's experiment.
 """

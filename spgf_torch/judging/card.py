@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from spgf_torch.config import JudgeConfig
 from spgf_torch.proposing.judge import Judge
 
@@ -17,12 +19,8 @@ LIMITS = """\
 def judge_card(judge: Judge, config: JudgeConfig, size: int) -> str:
     """The text of the folder's README.md; `size`: bytes of the arrays."""
     results, best = judge.results, config.best
-    rows = "\n".join(
-        f"| {name} | {100 * row[f'top{best}']:.1f} ({100 * row[f'top{best}_interval95'][0]:.0f} to "
-        f"{100 * row[f'top{best}_interval95'][1]:.0f}) | {100 * row['top1']:.1f} | {100 * row['random']:.1f} | "
-        f"{100 * row['collided']:.1f} | {100 * row['predicted']:.1f} | {row['ece']:.3f} | {row['brier']:.3f} |"
-        for name, row in results["executed"].items()
-    )
+    rows = "\n".join(_row(name, row, best) for name, row in results["executed"].items())
+    unfit = {place: ", ".join(names) or "nothing" for place, names in results["unfit"].items()}
     validated = "\n".join(
         f"| {name} | {known} | {row['trials']} | {row['auc']:.3f} | {row['brier']:.3f} | {row['ece']:.3f} |"
         for name, block in results["cross_validated"].items()
@@ -37,15 +35,22 @@ Written by `python -m spgf_torch.judge`; every setting is in `config.yaml`. P(fr
 ## Learned from
 {len(judge.taught)} objects (`{config.objects}`): {config.candidates} random trials of each type on each, and
 {results["trials"]["own"]:,} of its own choosing in {config.rounds} rounds, of which {results["trials"]["own_held"]:,}
-held; {results["rows"]:,} rows.
+held; {results["rows"]:,} rows, of which {results["trials"]["surveyed_rows"]:,} say by the mesh alone whether a
+hypothesis is free.
 
 ## On objects that it had not seen
-Hypotheses chosen in the last round by judges of the other folds ({config.folds} over objects), executed; percent, means
-over objects with 95 % intervals:
+The {best} best of judges of all rounds that the other folds taught ({config.folds} over objects), executed; percent,
+means over objects with 95 % intervals. Probabilities are calibrated with what was executed on the other folds, of one
+view and of several.
 
-| cloud | top {best} | top 1 | random hypotheses | collided | predicted | ECE | Brier |
-|---|---|---|---|---|---|---|---|
+| cloud | objects | top {best} | top 1 | collided | random hypotheses | predicted | ECE | Brier |
+|---|---|---|---|---|---|---|---|---|
 {rows}
+
+"That fit": with at least {best} grasps, no two the same, between opposite places of the true surface within the
+friction cone, that leave {1000 * config.hypotheses.play:g} mm of play on either side and the open hand clear of the
+object and of the table. Trials and judges take no part in that. What does not fit, on a table: {unfit["on a table"]};
+alone: {unfit["alone"]}.
 
 All tried hypotheses, judged by cross-validation over objects with all rounds:
 
@@ -56,3 +61,22 @@ All tried hypotheses, judged by cross-validation over objects with all rounds:
 ## Limits
 {LIMITS}
 """
+
+
+def _row(name: str, row: dict[str, Any], best: int) -> str:
+    """One kind of cloud: all objects, and below those that fit the hand."""
+    shares = [f"{100 * row[key]:.1f}" for key in ("collided", "random", "predicted")]
+    lines = [[name, f"all {row['objects']}", *_rates(row, best), *shares, f"{row['ece']:.3f}", f"{row['brier']:.3f}"]]
+    if fit := row["fit"]:
+        lines.append(
+            [name, f"{fit['objects']} that fit", *_rates(fit, best), f"{100 * fit['collided']:.1f}", *[""] * 4]
+        )
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _rates(rates: dict[str, Any], best: int) -> list[str]:
+    return [
+        f"{100 * rates[key]:.1f} ({100 * rates[f'{key}_interval95'][0]:.0f} to "
+        f"{100 * rates[f'{key}_interval95'][1]:.0f})"
+        for key in (f"top{best}", "top1")
+    ]

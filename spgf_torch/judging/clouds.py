@@ -70,5 +70,16 @@ def training_clouds(obj: GraspObject, config: JudgeConfig) -> list[Cloud]:
     return [cloud for cloud in clouds if len(cloud.seen.texlets) > 0]
 
 
+def further_clouds(obj: GraspObject, config: JudgeConfig) -> list[Cloud]:
+    """`config.looks` clouds of one camera of the object on a table, other than `training_clouds`, by the same rule."""
+    rng = np.random.default_rng([config.seed, zlib.crc32(f"{obj.name}/looks".encode())])
+    clouds = []
+    for _ in range(config.looks):
+        azimuth, elevation = math.degrees(rng.uniform(0, 2 * math.pi)), rng.uniform(*_range(config))
+        sensing = replace(config.sensing, cameras=1, azimuth_deg=azimuth, elevation_deg=elevation)
+        clouds.append(sensed_cloud(obj, sensing, True, rng))
+    return [cloud for cloud in clouds if len(cloud.seen.texlets) > 0]
+
+
 def _range(config: JudgeConfig) -> tuple[float, float]:
     return min(config.lowest_deg, config.highest_deg), max(config.lowest_deg, config.highest_deg)

@@ -17,12 +17,15 @@ from torch import Tensor
 from spgf_torch.config import JudgeConfig, TreesConfig, plain
 from spgf_torch.judging.rows import Rows
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.proposing.judge import FACTORS, KNOWN, Judge
+from spgf_torch.proposing.judge import FACTORS, KNOWN, VIEWS, Curve, Judge
+from spgf_torch.proposing.judge_features import NAMES
 from spgf_torch.proposing.trees import Form, Logistic, Trees
 from spgf_torch.threads import in_parts
 
 # Rows below which an object weighs less than others: a few are no sample of it.
 _FEW = 50
+# Probabilities nearer 0 or 1 than this are not told apart where a calibration is learned.
+_EDGE = 1e-6
 # Values of a number that trees tell apart: scikit-learn's most.
 BINS = 255
 # Strength of the logistic form's regularisation (scikit-learn's C), and steps until it must have settled.
@@ -30,21 +33,21 @@ _C, _STEPS = 0.3, 5000
 
 
 def learn_judge(rows: Rows, config: JudgeConfig, known: Sequence[str] = tuple(KNOWN)) -> dict[tuple[str, str], Form]:
-    """The factors of a judge: P(free) from all rows, P(holds | free) from those that were free.
+    """The factors of a judge: P(free) from all rows, P(holds | free) from those that were tried and free.
 
     Args:
         known: which of `KNOWN` are needed; to choose trials, the one with images alone.
     """
-    weight = weights(rows)
+    tried = rows.at(rows.tried)
     every = torch.ones_like(rows.free)
-    targets = {"free": (every, rows.free), "holds": (rows.free, rows.success)}
+    targets = {"free": (rows, every, rows.free), "holds": (tried, tried.free, tried.success)}
     keys = [(name, factor) for name in known for factor in FACTORS]
 
     def work(key: tuple[str, str]) -> Form:
-        among, label = targets[key[1]]
+        its, among, label = targets[key[1]]
         # Each on one thread of its own: scikit-learn's threads wait for each other at every split of every tree.
         with threadpool_limits(1, user_api="openmp"):
-            return fit(rows.numbers[among, : len(KNOWN[key[0]])], label[among], weight[among], config)
+            return fit(its.numbers[among, : len(KNOWN[key[0]])], label[among], weights(its)[among], config)
 
     return dict(zip(keys, in_parts(work, keys), strict=True))
 
@@ -57,6 +60,31 @@ def settings_of(config: JudgeConfig) -> Mapping[str, Any]:
 def judge_of(factors: Mapping[tuple[str, str], Form], objects: Sequence[GraspObject], config: JudgeConfig) -> Judge:
     """A judge of these factors, which learned from these objects."""
     return Judge(factors, settings_of(config), config.sure, {obj.name: obj.digest for obj in objects})
+
+
+def calibration_of(best: Rows) -> dict[str, Curve]:
+    """`Judge.calibration` from the executed best of judges that had not seen the object, and what these said."""
+    views = best.numbers[:, NAMES.index("views")]
+    of_each = zip(VIEWS, (views <= 1, views > 1), strict=True)
+    return {name: rising_curve(best.probability[of], best.success[of]) for name, of in of_each if of.any()}
+
+
+def rising_curve(p: Tensor, held: Tensor) -> Curve:
+    """What makes p (R,) the share of those that held (R,).
+
+    A prior of one standard deviation on the shift and on the slopes' logarithms keeps them finite.
+    """
+    from scipy.optimize import minimize  # half a second
+
+    its = p.double().clamp(_EDGE, 1 - _EDGE).numpy()
+    low, high, sign = np.log(its), -np.log1p(-its), np.where(held.numpy(), 1.0, -1.0)
+
+    def loss(curve: np.ndarray) -> float:
+        log_odds = math.exp(curve[0]) * low + math.exp(curve[1]) * high + curve[2]
+        return float(np.logaddexp(0, -sign * log_odds).sum() + 0.5 * (curve**2).sum())
+
+    slope_low, slope_high, shift = minimize(loss, np.zeros(3)).x
+    return math.exp(slope_low), math.exp(slope_high), float(shift)
 
 
 def weights(rows: Rows) -> Tensor:

@@ -7,15 +7,15 @@ hypotheses, the best and some at random, teach the difference.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 
 from spgf_torch.cache import Cache
 from spgf_torch.config import GRASP_TYPES, JudgeConfig
-from spgf_torch.experiment.tried import tables_of
+from spgf_torch.judging.own_trials import OwnOrigin, OwnTrials
 from spgf_torch.judging.rows import PICKED, SAMPLED, Bench, Chosen, Rows
 from spgf_torch.judging.trying import tried
 from spgf_torch.objects.grasp_object import GraspObject
@@ -24,42 +24,67 @@ from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.spreading import suppress
 from spgf_torch.threads import in_parts
-from spgf_torch.trials.runner import Trials, origin, sample
-from spgf_torch.trials.table import pose_matrix
+from spgf_torch.trials.runner import Trials, origin, sample, table_of
+from spgf_torch.trials.runners import Runner
+from spgf_torch.trials.table import TrialTable, pose_matrix
 
 
 @dataclass(frozen=True)
 class Workshop:
-    """What trials are made with: how they run, the search of hypotheses, settings, what is kept, progress."""
+    """What trials are made with: how they run, the search of hypotheses, settings, what is kept, progress.
+
+    Attributes:
+        runner: makes what runs the trials of one stage.
+    """
 
     trials: Trials
     search: Search
     config: JudgeConfig
     cache: Cache
     stages: Stages
+    runner: Callable[[], Runner]
 
 
-def random_trials(benches: Sequence[Bench], shop: Workshop) -> Rows:
-    """The first `config.candidates` random trials of each type on each object: from tables, or tried here."""
-    objects, config = [bench.obj for bench in benches], shop.config
-    if config.trials is not None:
-        tables = tables_of(objects, config.trials, shop.trials, config.sampler)
-        kept = [_first(table.grasp_type, config.candidates) for table in tables]
-        poses = [Hypotheses(t.T_object_tcp[k], t.grasp_type[k]) for t, k in zip(tables, kept, strict=True)]
-        outcomes = [table.outcome[k] for table, k in zip(tables, kept, strict=True)]
-    else:
-        poses = [_sampled(obj, shop.trials, config) for obj in objects]
-        outcomes = _tried(benches, poses, shop)
-    return _rows(benches, [_alike(each, SAMPLED) for each in poses], outcomes, 0, shop)
+def random_tables(objects: Sequence[GraspObject], shop: Workshop) -> list[TrialTable]:
+    """`config.candidates` random trials of each type on each object: the tables that `simulate` would make."""
+    config = shop.config
+    origins = [origin(obj, shop.trials, config.sampler, config.candidates, config.seed) for obj in objects]
+    poses = [sample(obj, its) for obj, its in zip(objects, origins, strict=True)]
+    grasp_type = torch.arange(len(GRASP_TYPES)).repeat_interleave(config.candidates)
+    sampled = [Hypotheses(pose_matrix(each.position, each.quaternion), grasp_type) for each in poses]
+    outcomes = _tried(objects, sampled, shop)
+    return [table_of(*parts) for parts in zip(origins, poses, outcomes, strict=True)]
 
 
-def own_trials(
+def random_rows(benches: Sequence[Bench], tables: Sequence[TrialTable], shop: Workshop) -> Rows:
+    """Rows of the first `config.candidates` random trials of each type on each object."""
+    chosen, outcomes = [], []
+    for table in tables:
+        first = _first(table.grasp_type, shop.config.candidates)
+        chosen.append(_unranked(Hypotheses(table.T_object_tcp[first], table.grasp_type[first])))
+        outcomes.append(table.outcome[first])
+    return _rows(benches, chosen, outcomes, 0, shop)
+
+
+def own_round(
     benches: Sequence[Bench], judges: Mapping[int, Judge], fold: np.ndarray, number: int, shop: Workshop
-) -> Rows:
-    """Round `number`: in each cloud the best hypotheses of the judge of the object's fold, and some at random."""
-    chosen = [choose(bench, judges[int(fold[bench.index])], number, shop.config) for bench in benches]
-    outcomes = _tried(benches, [each.poses for each in chosen], shop)
-    return _rows(benches, chosen, outcomes, number, shop)
+) -> list[OwnTrials]:
+    """Round `number`: in each cloud the best hypotheses of the judge of the object's fold, and some at random.
+
+    The round after the last is that of validation: the best alone.
+    """
+    drafts = []
+    for bench in benches:
+        chosen = choose(bench, judges[int(fold[bench.index])], number, shop.config)
+        drafts.append(OwnTrials.of(OwnOrigin.of(bench.obj, shop.trials, shop.config), chosen, number))
+    outcomes = _tried([bench.obj for bench in benches], [draft.chosen.poses for draft in drafts], shop)
+    return [replace(draft, outcome=outcome) for draft, outcome in zip(drafts, outcomes, strict=True)]
+
+
+def own_rows(benches: Sequence[Bench], own: Sequence[OwnTrials], number: int, shop: Workshop) -> Rows:
+    """Rows of the trials of round `number`."""
+    its = [each.at_round(number) for each in own]
+    return _rows(benches, [each.chosen for each in its], [each.outcome for each in its], number, shop)
 
 
 def choose(bench: Bench, judge: Judge, number: int, config: JudgeConfig) -> Chosen:
@@ -71,7 +96,7 @@ def choose(bench: Bench, judge: Judge, number: int, config: JudgeConfig) -> Chos
         alike = torch.zeros(len(p), dtype=torch.int64)
         best = suppress(hypotheses.T, alike, p, config.proposing.apart, config.proposing.apart_deg)[: config.best]
         others = torch.randperm(len(p), generator=rng)
-        others = others[~torch.isin(others, best)][: config.random]
+        others = others[~torch.isin(others, best)][: config.random if number <= config.rounds else 0]
         both = torch.cat([best, others])
         T.append(hypotheses.T[both])
         kind.append(hypotheses.grasp_type[both])
@@ -90,30 +115,21 @@ def _rows(
         return Rows.together([(advance(1), rows)[1] for rows in work])
 
 
-def _tried(benches: Sequence[Bench], poses: Sequence[Hypotheses], shop: Workshop) -> list[torch.Tensor]:
+def _tried(objects: Sequence[GraspObject], poses: Sequence[Hypotheses], shop: Workshop) -> list[torch.Tensor]:
     """The outcomes (M,) int64 of each object's poses."""
     requests, where = [], []
-    for bench, its in zip(benches, poses, strict=True):
+    for index, (obj, its) in enumerate(zip(objects, poses, strict=True)):
         for code, kind in enumerate(GRASP_TYPES):
             which = (its.grasp_type == code).nonzero()[:, 0]
             if len(which):
-                requests.append((bench.obj, kind, its.T[which]))
-                where.append((bench.index, which))
+                requests.append((obj, kind, its.T[which]))
+                where.append((index, which))
     with shop.stages.stage("trials", sum(map(len, poses)), "grasps") as advance:
-        ended = tried(requests, shop.trials, shop.config.workers, shop.cache, advance)
-    outcomes = {
-        bench.index: torch.zeros(len(its), dtype=torch.int64) for bench, its in zip(benches, poses, strict=True)
-    }
+        ended = tried(requests, shop.trials, shop.runner, shop.cache, advance)
+    outcomes = [torch.zeros(len(its), dtype=torch.int64) for its in poses]
     for (index, which), codes in zip(where, ended, strict=True):
         outcomes[index][which] = codes
-    return [outcomes[bench.index] for bench in benches]
-
-
-def _sampled(obj: GraspObject, trials: Trials, config: JudgeConfig) -> Hypotheses:
-    """What `simulate candidates=N` with the same seed would try."""
-    poses = sample(obj, origin(obj, trials, config.sampler, config.candidates, config.seed))
-    grasp_type = torch.arange(len(GRASP_TYPES)).repeat_interleave(config.candidates)
-    return Hypotheses(pose_matrix(poses.position, poses.quaternion), grasp_type)
+    return outcomes
 
 
 def _first(grasp_type: torch.Tensor, count: int) -> torch.Tensor:
@@ -121,7 +137,7 @@ def _first(grasp_type: torch.Tensor, count: int) -> torch.Tensor:
     return torch.cat([(grasp_type == code).nonzero()[:count, 0] for code in range(len(GRASP_TYPES))])
 
 
-def _alike(poses: Hypotheses, rank: int) -> Chosen:
+def _unranked(poses: Hypotheses) -> Chosen:
     """Poses that were proposed in no cloud."""
-    nowhere = torch.full((len(poses),), -1)
-    return Chosen(poses, nowhere, torch.full((len(poses),), rank), torch.full((len(poses),), torch.nan))
+    nowhere, rank = (torch.full((len(poses),), value) for value in (-1, SAMPLED))
+    return Chosen(poses, nowhere, rank, torch.full((len(poses),), torch.nan))

@@ -15,8 +15,11 @@ from spgf_torch.proposing.judge_features import NAMES, in_images, judge_features
 from spgf_torch.trials.table import OUTCOMES
 
 SUCCESS, COLLISION = OUTCOMES.index("success"), OUTCOMES.index("collision")
-# Rank of rows that nobody ranked: of random trials on the mesh, and of hypotheses picked at random.
-SAMPLED, PICKED = -2, -1
+# Outcome of what is free, by the mesh, and was not tried.
+UNTRIED = -1
+# Rank of rows that nobody ranked: of hypotheses surveyed without a trial, of random trials on the mesh, and of
+# hypotheses picked at random.
+SURVEYED, SAMPLED, PICKED = -3, -2, -1
 
 
 @dataclass(frozen=True)
@@ -24,9 +27,11 @@ class Rows:
     """R rows, one for each trial and cloud.
 
     Attributes:
-        numbers (R, 31) f32: `judge_features.NAMES`. outcome (R,) int64: index into `trials.table.OUTCOMES`.
-        obj (R,), cloud (R,) int64: of which object, in which of its clouds. round (R,) int64: 0 of random trials.
-        rank (R,) int64: place among the highest-ranked of its cloud, from 0; `SAMPLED` or `PICKED`.
+        numbers (R, 31) f32: `judge_features.NAMES`. outcome (R,) int64: index into `trials.table.OUTCOMES`,
+            or `UNTRIED`.
+        obj (R,), cloud (R,) int64: of which object, in which of its clouds; -1: in none.
+        round (R,) int64: 0 of random trials.
+        rank (R,) int64: place among the highest-ranked of its cloud, from 0; `SURVEYED`, `SAMPLED` or `PICKED`.
         home (R,) bool: it was proposed in this very cloud. probability (R,) f32: what was said of it there.
     """
 
@@ -51,6 +56,11 @@ class Rows:
     def free(self) -> Tensor:
         """(R,) bool: the open hand did not collide."""
         return self.outcome != COLLISION
+
+    @property
+    def tried(self) -> Tensor:
+        """(R,) bool: not surveyed alone."""
+        return self.rank != SURVEYED
 
     def at(self, chosen: Tensor) -> Rows:
         """Those of the mask (R,) bool."""

@@ -8,10 +8,11 @@ from functools import partial
 from torch import Tensor
 
 from spgf_torch.cache import Cache, fingerprint, program
-from spgf_torch.config import plain
+from spgf_torch.config import IncompleteError, plain
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.trials.attempts import physics
-from spgf_torch.trials.runner import Trials, execute, versions
+from spgf_torch.trials.runner import TrialError, Trials, execute, versions
+from spgf_torch.trials.runners import Runner
 
 # Of entries of the cache.
 KIND = "outcomes"
@@ -22,20 +23,20 @@ Request = tuple[GraspObject, str, Tensor]
 def tried(
     requests: Sequence[Request],
     trials: Trials,
-    workers: int,
+    runner: Callable[[], Runner],
     cache: Cache,
     progress: Callable[[int], None] = lambda done: None,
 ) -> list[Tensor]:
-    """For each request the outcomes (M,) int64, codes into `trials.table.OUTCOMES`; `workers` as for `execute`.
+    """For each request the outcomes (M,) int64, codes into `trials.table.OUTCOMES`; `runner` is asked if any is new.
 
-    The outcomes of a request are kept in `cache` when they are known. Raises RuntimeError where a trial has none.
+    The outcomes of a request are kept in `cache` when they are known. Raises IncompleteError where a trial has none.
     """
     common = (trials.hand.digest, plain(trials.episode), versions(), program(physics.__module__))
     keys = [fingerprint(obj.digest, kind, T, *common) for obj, kind, T in requests]
 
     def again(request: Request) -> dict[str, Tensor]:
         """Of one whose entry is damaged."""
-        return {"outcome": next(execute([request], trials, workers))}
+        return {"outcome": next(execute([request], trials, runner()))}
 
     found: dict[str, Tensor] = {}
     for key, request in zip(keys, requests, strict=True):
@@ -43,7 +44,13 @@ def tried(
             found[key] = cache.tensors(KIND, key, partial(again, request))["outcome"]
             progress(len(request[2]))
     missing = [(key, request) for key, request in zip(keys, requests, strict=True) if key not in found]
-    outcomes = execute([request for _, request in missing], trials, workers, lambda _, done: progress(done))
-    for (key, _), codes in zip(missing, outcomes, strict=True):
-        found[key] = cache.tensors(KIND, key, partial(dict, outcome=codes))["outcome"]
+    if not missing:
+        return [found[key] for key in keys]
+    outcomes = execute([request for _, request in missing], trials, runner(), lambda _, done: progress(done))
+    try:
+        for (key, _), codes in zip(missing, outcomes, strict=True):
+            found[key] = cache.tensors(KIND, key, partial(dict, outcome=codes))["outcome"]
+    except TrialError as error:
+        kept = "the same call goes on from there" if cache.folder else "cache=FOLDER would have kept what had ended"
+        raise IncompleteError(f"a trial without an outcome: {error}; {kept}") from error
     return [found[key] for key in keys]

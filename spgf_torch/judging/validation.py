@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,41 +13,77 @@ from torch import Tensor
 
 from spgf_torch.config import JudgeConfig
 from spgf_torch.evaluation.reliability import brier, reliability
-from spgf_torch.judging.learning import judge_of, learn_judge
+from spgf_torch.judging.learning import calibration_of, judge_of, learn_judge
 from spgf_torch.judging.rows import PICKED, SAMPLED, Bench, Rows
-from spgf_torch.proposing.judge import KNOWN
+from spgf_torch.proposing.judge import KNOWN, calibrated
+from spgf_torch.proposing.judge_features import NAMES
 
 
-def executed(rows: Rows, benches: Sequence[Bench], config: JudgeConfig) -> dict[str, dict[str, Any]]:
-    """Of the last round's best hypotheses in each kind of cloud: rates as means over objects, each with its interval.
+def executed(
+    rows: Rows, benches: Sequence[Bench], fold: np.ndarray, fit: Mapping[int, Mapping[bool, bool]], config: JudgeConfig
+) -> dict[str, dict[str, Any]]:
+    """Of the best hypotheses in each kind of cloud, by judges of all rounds that had not seen the object: rates.
 
-    A hypothesis that a cloud lacks to `config.best` counts as a failure.
+    Rates are means over objects, each with its interval, over all objects and ("fit") over those that fit the hand. A
+    hypothesis that a cloud lacks to `config.best` counts as a failure. What is said of a grasp is calibrated with the
+    executed best of the other folds.
+
+    Args:
+        fold: (objects,) int, of each object. fit: of each object, by its index, `fitting.fits`.
     """
-    last = rows.at(rows.home & (rows.round == config.rounds))
+    best = validation_rows(rows, config)
+    chance = rows.at(rows.home & (rows.round == config.rounds) & (rows.rank == PICKED))
+    said = calibrated_elsewhere(best, fold, config)
+    on_table = {bench.index: [cloud.on_table for cloud in bench.clouds] for bench in benches}
     found = {}
     for name, clouds in kinds(benches).items():
-        of_kind = last.at(_in(last, clouds))
-        best = of_kind.at(of_kind.rank >= 0)
-        if not len(best):
+        inside = _in(best, clouds)
+        if not inside.any():
             continue
-        chance = of_kind.at(of_kind.rank == PICKED)
-        top = _by_object(best, clouds, config.best)
-        first = _by_object(best.at(best.rank == 0), clouds, 1)
-        said, held = best.probability.double().numpy(), best.success.numpy()
+        fitting = {o: its for o, its in clouds.items() if fit[o][on_table[o][its[0]]]}
+        of_kind, p, held = best.at(inside), said[inside].numpy(), best.success[inside].numpy()
+        picked = chance.success[_in(chance, clouds)]
         found[name] = {
-            "clouds": sum(map(len, clouds.values())),
-            "objects": len(clouds),
-            f"top{config.best}": float(top.mean()),
-            f"top{config.best}_interval95": _interval(top, config),
-            "top1": float(first.mean()),
-            "top1_interval95": _interval(first, config),
-            "random": float(chance.success.double().mean()) if len(chance) else 0.0,
-            "collided": float((~best.free).double().mean()),
-            "predicted": float(said.mean()),
-            "ece": reliability(said, held).ece,
-            "brier": brier(said, held),
+            **_rates(of_kind, clouds, config),
+            "random": float(picked.double().mean()) if len(picked) else 0.0,
+            "predicted": float(p.mean()),
+            "ece": reliability(p, held).ece,
+            "ece_uncalibrated": reliability(of_kind.probability.double().numpy(), held).ece,
+            "brier": brier(p, held),
+            "sure": int((p >= config.sure).sum()),
+            "sure_held": int(held[p >= config.sure].sum()),
+            "fit": _rates(of_kind.at(_in(of_kind, fitting)), fitting, config) if fitting else None,
         }
     return found
+
+
+def validation_rows(rows: Rows, config: JudgeConfig) -> Rows:
+    """The executed best of judges that all rounds had taught but for the object's fold."""
+    return rows.at(rows.home & (rows.round == config.rounds + 1) & (rows.rank >= 0))
+
+
+def calibrated_elsewhere(best: Rows, fold: np.ndarray, config: JudgeConfig) -> Tensor:
+    """(R,) f64: what is said of executed grasps, calibrated with those on objects of the other folds."""
+    folds, views = torch.from_numpy(fold)[best.obj], best.numbers[:, NAMES.index("views")]
+    said = best.probability.double()
+    for held_out in range(config.folds):
+        of = folds == held_out
+        said[of] = calibrated(best.probability[of], views[of], calibration_of(best.at(~of)))
+    return said
+
+
+def _rates(best: Rows, clouds: dict[int, list[int]], config: JudgeConfig) -> dict[str, Any]:
+    top = _by_object(best, clouds, config.best)
+    first = _by_object(best.at(best.rank == 0), clouds, 1)
+    return {
+        "clouds": sum(map(len, clouds.values())),
+        "objects": len(clouds),
+        f"top{config.best}": float(top.mean()),
+        f"top{config.best}_interval95": _interval(top, config),
+        "top1": float(first.mean()),
+        "top1_interval95": _interval(first, config),
+        "collided": float((~best.free).double().mean()) if len(best) else 0.0,
+    }
 
 
 def kinds(benches: Sequence[Bench]) -> dict[str, dict[int, list[int]]]:
@@ -100,21 +136,29 @@ def auc(score: np.ndarray, success: np.ndarray) -> float:
 def executed_table(results: dict[str, dict[str, Any]], best: int) -> Table:
     """`executed` for people, in percent."""
     table = Table(
-        title="Held in SAPIEN (%): hypotheses that judges chose who had not seen the object",
-        caption="(low-high): 95 % interval over objects. random: hypotheses picked at random.",
+        title="Held in SAPIEN (%): the best of judges who had not seen the object",
+        caption="(low-high): 95 % interval over objects. fit: objects that fit the hand by their shape alone. random:\n"
+        "hypotheses picked at random. predicted, ECE, Brier: calibrated on other objects.",
         box=box.SIMPLE_HEAD,
     )
     table.add_column("")
-    for heading in (f"top {best}", "top 1", "random", "collided", "predicted", "ECE", "Brier"):
-        table.add_column(heading, justify="right")
+    for heading in ("objects", f"top {best}", "top 1", "collided", "random", "predicted", "ECE", "Brier"):
+        table.add_column(heading, justify="right", no_wrap=True)
     for name, row in results.items():
-        rates = [
-            f"{100 * row[key]:.1f} ({100 * row[f'{key}_interval95'][0]:.0f}-{100 * row[f'{key}_interval95'][1]:.0f})"
-            for key in (f"top{best}", "top1")
-        ]
-        shares = [f"{100 * row[key]:.1f}" for key in ("random", "collided", "predicted")]
-        table.add_row(name, *rates, *shares, f"{row['ece']:.3f}", f"{row['brier']:.3f}")
+        shares = [f"{100 * row[key]:.1f}" for key in ("random", "predicted")]
+        table.add_row(name, *_told(row, "", best), *shares, f"{row['ece']:.3f}", f"{row['brier']:.3f}")
+        if row["fit"]:
+            table.add_row("", *_told(row["fit"], " fit", best))
     return table
+
+
+def _told(rates: dict[str, Any], which: str, best: int) -> list[str]:
+    """How many objects, top `best` and top 1 with their intervals, collided."""
+    tops = [
+        f"{100 * rates[key]:.1f} ({100 * rates[f'{key}_interval95'][0]:.0f}-{100 * rates[f'{key}_interval95'][1]:.0f})"
+        for key in (f"top{best}", "top1")
+    ]
+    return [f"{rates['objects']}{which}", *tops, f"{100 * rates['collided']:.1f}"]
 
 
 def _in(rows: Rows, clouds: dict[int, list[int]]) -> Tensor:

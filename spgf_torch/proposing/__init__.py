@@ -5,5 +5,6 @@
 
 The other way, with a judge: `hand_geometry` is what the hand's shapes say of where it closes, `hypotheses` pushes it
 onto what is seen, `judge_features` describes each, `judge` (`trees`) says how likely it holds, `judged` ranks.
-`antipodal` ranks the same hypotheses without learning.
+`antipodal` ranks the same hypotheses without learning. `pushing` and `kernels` are the compiled loops of `hypotheses`
+and `judge_features`.
 """

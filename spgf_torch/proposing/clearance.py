@@ -15,6 +15,7 @@ from torch import Tensor
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
 from spgf_torch.config import GRASP_TYPES, InputError
 from spgf_torch.geometry import se3
+from spgf_torch.proposing.borders import Borders
 
 
 @dataclass(frozen=True)
@@ -48,12 +49,14 @@ class Surroundings:
         up: (3,) f32 unit, against gravity, and the component of an approach along it from which on the hand comes from
             below, which is left to where nothing else is possible; None: hands may come from anywhere.
         retreat: m back along the approach, where the way to the grasp begins.
+        borders: where what was looked at ends, but the thing does not; None: nowhere.
     """
 
     obstacles: Tensor = field(default_factory=lambda: torch.zeros(0, 3))
     table: Plane | None = None
     up: tuple[Tensor, float] | None = None
     retreat: float = 0.0
+    borders: Borders | None = None
 
     def near(self, points: Tensor, reach: float) -> Surroundings:
         """The same with only the obstacles within `reach` (m) of the box around the points (N, 3)."""
@@ -163,6 +166,16 @@ class Clearance:
             height = se3.position_of(T_object_tcp[of_type]) @ normal - plane.offset - retreat * rise
             free[of_type] = height + lowest >= self.plane_clearance
         return free
+
+    def least_height(self, plane: Plane, T_object_tcp: Tensor, kind: str, retreat: float = 0.0) -> Tensor:
+        """(G,) m along the plane's normal at which a TCP is just high enough, of hands turned as T (G, 4, 4).
+
+        As in `free_of_plane`, for hands that stand at many places.
+        """
+        normal, corners = plane.normal.to(T_object_tcp), self.corners[kind].to(T_object_tcp)
+        lowest = (normal @ se3.rotation_of(T_object_tcp) @ corners.T).amin(1)
+        rise = (T_object_tcp[:, :3, 2] @ normal).clamp(min=0.0)
+        return self.plane_clearance + plane.offset + retreat * rise - lowest
 
 
 def half_opening(volume: HandVolume) -> float:

@@ -17,14 +17,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.config import HypothesesConfig
+from spgf_torch.config import GRASP_TYPES, HypothesesConfig
 from spgf_torch.geometry import se3
 from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.hand_geometry import ClosingRegion, HandGeometry, hand_geometry
+from spgf_torch.proposing.pushing import Pieces, deepest_free, extents, pieces_of
 from spgf_torch.proposing.spreading import spread_order
 from spgf_torch.sensing.texlets import Texlets
 
@@ -72,6 +75,12 @@ class Search:
     def of(clearance: Clearance, config: HypothesesConfig) -> Search:
         return Search(clearance, config, hand_geometry(clearance.volumes, config))
 
+    @cached_property
+    def pieces(self) -> tuple[tuple[Pieces, Pieces], ...]:
+        """Of each grasp type, what may not touch texlets, and what obstacles."""
+        kinds = ((self.clearance.volumes[kind], self.clearance.swollen[kind]) for kind in GRASP_TYPES)
+        return tuple((pieces_of(volume), pieces_of(swollen)) for volume, swollen in kinds)
+
     def hypotheses(self, texlets: Texlets, around: Surroundings) -> Hypotheses:
         """Free poses about the texlets, at most `config.hypotheses`; from below only where there are no others."""
         positions, normals = texlets.positions.float().cpu(), texlets.normals.float().cpu()
@@ -113,35 +122,33 @@ class Search:
         return enough
 
     def _found(self, T: Tensor, positions: Tensor, around: Surroundings) -> Hypotheses:
-        found = [self._of_type(code, T, positions, around) for code in range(len(self.hands))]
-        counts = torch.tensor([len(poses) for poses in found])
-        return Hypotheses(torch.cat(found), torch.arange(len(found)).repeat_interleave(counts))
+        T = T[~around.from_below(T)]
+        found: list[list[Tensor]] = [[] for _ in self.hands]
+        for part in parts(torch.arange(len(T)), len(positions)):
+            at = local(T[part], positions)
+            for code, poses in enumerate(found):
+                poses.append(self._of_type(code, T[part], at, positions, around))
+        each = [torch.cat(poses) if poses else T for poses in found]
+        counts = torch.tensor([len(poses) for poses in each])
+        return Hypotheses(torch.cat(each), torch.arange(len(each)).repeat_interleave(counts))
 
-    def _of_type(self, code: int, T: Tensor, positions: Tensor, around: Surroundings) -> Tensor:
-        """Poses (H, 4, 4) of one grasp type, sorted by frame, place and depth."""
+    def _of_type(self, code: int, T: Tensor, at: Tensor, positions: Tensor, around: Surroundings) -> Tensor:
+        """Poses (H, 4, 4) of one grasp type, sorted by frame, depth and place; the positions lie at (F, 3, N) in T."""
+        hand, kind = self.hands[code], GRASP_TYPES[code]
         depths = torch.arange(self.config.deepest, self.config.shallowest - 1e-6, -self.config.depth_step)
-        shift, possible = places(*profile(T, positions, depths, self.hands[code].region), self.hands[code], self.config)
-        kept = torch.zeros_like(possible)  # (F, D, places)
-        first = torch.full((len(T), PLACES), len(depths))
-        for k in range(len(depths)):
-            frame, place = (possible[:, k] & (first > k)).nonzero(as_tuple=True)
-            free = self._free_at(code, moved(T[frame], depths[k], shift[frame, k, place]), positions, around)
-            first[frame[free], place[free]] = k
-        for step in (0, self.config.back):
-            frame, place = (first + step < len(depths)).nonzero(as_tuple=True)
-            at = first[frame, place] + step
-            may = possible[frame, at, place]
-            frame, place, at = frame[may], place[may], at[may]
-            if step:
-                poses = moved(T[frame], depths[at], shift[frame, at, place])
-                free = self._free_at(code, poses, positions, around)
-                frame, place, at = frame[free], place[free], at[free]
-            kept[frame, at, place] = True
-        frame, at, place = kept.nonzero(as_tuple=True)
-        return moved(T[frame], depths[at], shift[frame, at, place])
-
-    def _free_at(self, code: int, T: Tensor, positions: Tensor, around: Surroundings) -> Tensor:
-        return self.free(T, torch.full((len(T),), code), positions, around)
+        shift, possible = places(*profile(at, depths, hand.region), hand, self.config)  # (F, D, places)
+        along = depths[:, None, None] * T[:, None, None, :3, 2]
+        where = T[:, None, None, :3, 3] + (along + shift.unsqueeze(3) * T[:, None, None, :3, 0])
+        if around.table is not None:
+            least = self.clearance.least_height(around.table, T, kind, around.retreat)
+            possible &= where @ around.table.normal >= least[:, None, None]
+        kept = torch.zeros_like(possible)
+        sensed, others = (part.float().T.contiguous().numpy() for part in (positions, around.obstacles))
+        things = ((sensed, self.pieces[code][0]), (others, self.pieces[code][1]))
+        poses = T.contiguous().numpy(), where.contiguous().numpy(), possible.contiguous().numpy()
+        deepest_free(*poses, self.config.back, things, kept.numpy())
+        frame, k, place = kept.nonzero(as_tuple=True)
+        return moved(T[frame], depths[k], shift[frame, k, place])
 
 
 def frames(positions: Tensor, normals: Tensor, config: HypothesesConfig) -> Tensor:
@@ -185,25 +192,21 @@ def _axes(normal: Tensor, axis: Tensor, tilt: float) -> tuple[Tensor, Tensor]:
     return torch.cat(x), torch.cat(z)
 
 
-def profile(T: Tensor, positions: Tensor, depths: Tensor, region: ClosingRegion) -> tuple[Tensor, Tensor, Tensor]:
-    """What is seen between the pads, and a little beyond them, of hands at T (F, 4, 4) pushed forward by depths (D,).
+def profile(at: Tensor, depths: Tensor, region: ClosingRegion) -> tuple[Tensor, Tensor, Tensor]:
+    """What is seen between the pads, and a little beyond them, of hands pushed forward by depths (D,).
+
+    Points lie at (F, 3, N) in the frames of hands that are not yet pushed.
 
     Returns:
         lowest and highest x (F, D) f32, m along closing from the hand's middle (infinite of nothing); how many points
         (F, D) int64.
     """
-    low = torch.full((len(T), len(depths)), torch.inf)
+    low = torch.full((len(at), len(depths)), torch.inf)
     high = torch.full_like(low, -torch.inf)
     count = torch.zeros(low.shape, dtype=torch.int64)
-    for part in parts(torch.arange(len(T)), len(positions)):
-        x, y, z = local(T[part], positions).unbind(1)
-        frame, point = ((y.abs() < region.height) & (x.abs() < _BEYOND * region.half)).nonzero(as_tuple=True)
-        x, z, frame = x[frame, point], z[frame, point], part[frame]
-        for k, depth in enumerate(depths.tolist()):
-            on = (z > region.low + depth) & (z < region.high + depth)
-            low[:, k].scatter_reduce_(0, frame[on], x[on], "amin")
-            high[:, k].scatter_reduce_(0, frame[on], x[on], "amax")
-            count[:, k].scatter_add_(0, frame[on], torch.ones_like(frame[on]))
+    edges = np.array([_BEYOND * region.half, region.height], np.float32)
+    first, last = ((depths.double() + end).float().numpy() for end in (region.low, region.high))
+    extents(at.numpy(), edges, first, last, low.numpy(), high.numpy(), count.numpy())
     return low, high, count
 
 

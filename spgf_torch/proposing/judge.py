@@ -1,7 +1,9 @@
 """A judge of hypotheses: the probability that an executed grasp holds, as P(free) x P(holds | free).
 
 Each factor is boosted trees, or a logistic regression, on the numbers of `judge_features`. A judge has a second pair of
-factors for clouds without images, in which unseen space is not known. `judge.safetensors` holds the arrays and
+factors for clouds without images, in which unseen space is not known. What is ranked best was often only judged too
+well: a map learned from executed grasps, which judges had chosen that had not seen the object, sets the probabilities
+right by number of views and leaves the order as it is. `judge.safetensors` holds the arrays and
 `judge.json` the hand, the settings and how it did on objects that it had not seen; neither can run code when read, and
 each carries its digest.
 """
@@ -9,6 +11,7 @@ each carries its digest.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -26,13 +29,20 @@ from spgf_torch.sealing import BLANK, KEY, check_seal, digest_of, sealed, sealed
 from spgf_torch.writing import write_bytes
 
 FORMAT = "spgf_torch judge"
-SCHEMA = 1
+SCHEMA = 2
 DIGEST = "tensors_sha256"  # key in judge.json: SHA-256 of judge.safetensors
 LARGEST = 16_000_000  # bytes of judge.safetensors; a judge of today's settings has a third of a million
 ARRAYS, ABOUT = "judge.safetensors", "judge.json"
 # What a judge knows: with images all numbers, without them those of geometry alone.
 KNOWN: Mapping[str, tuple[str, ...]] = {"images": NAMES, "bare": GEOMETRY}
 FACTORS = ("free", "holds")
+# Names of the maps to probabilities of executed grasps: of one view, and of several.
+VIEWS = ("one", "more")
+# Of a map: slope > 0 against log p, slope > 0 against -log(1 - p), and shift of the log-odds (beta calibration, Kull,
+# Silva Filho and Flach 2017).
+Curve = tuple[float, float, float]
+# Probabilities nearer 0 or 1 than this are not told apart by a map.
+_EDGE = 1e-9
 _SETTINGS: dict[str, type] = {"hand": HandConfig, "hypotheses": HypothesesConfig}
 
 
@@ -45,6 +55,8 @@ class Judge:
         settings: hand and hypotheses, as plain values; they belong to what was learned.
         sure: probability below which a grasp is not to be relied on.
         taught: object name -> digest, of what it learned from. results: how it did on held-out objects.
+        calibration: of `VIEWS` the curve from what the factors say to how often executed grasps held; a missing one
+            leaves them as they are.
     """
 
     factors: Mapping[tuple[str, str], Form]
@@ -52,6 +64,7 @@ class Judge:
     sure: float
     taught: Mapping[str, str] = field(default_factory=dict)
     results: Mapping[str, Any] = field(default_factory=dict)
+    calibration: Mapping[str, Curve] = field(default_factory=dict)
 
     def probability(self, numbers: Tensor, images: bool) -> Tensor:
         """(G,) f32 that grasps hold, from their numbers (G, 31); `images`: whether unseen space is known."""
@@ -59,11 +72,15 @@ class Judge:
         return (free * holds).float()
 
     def both(self, numbers: Tensor, images: bool) -> tuple[Tensor, Tensor]:
-        """(G,) f64 each: P(free), P(holds | free)."""
+        """(G,) f64 each: P(free), P(holds | free); the calibration is shared out between them, in their proportion."""
         known = "images" if images else "bare"
         given = numbers[:, : len(KNOWN[known])]
         free, holds = (self.factors[known, factor].log_odds(given).sigmoid() for factor in FACTORS)
-        return free, holds
+        if not images:
+            return free, holds
+        raw = (free * holds).clamp(_EDGE, 1 - _EDGE)
+        power = calibrated(raw, numbers[:, NAMES.index("views")], self.calibration).log() / raw.log()
+        return free**power, holds**power
 
     @property
     def hypotheses(self) -> HypothesesConfig:
@@ -79,6 +96,17 @@ class Judge:
                 f"judge: expected one of {whose} ({name}), got one of {got}{other}; learn one: "
                 f"python -m spgf_torch.judge hand={name}"
             )
+
+
+def calibrated(p: Tensor, views: Tensor, calibration: Mapping[str, Curve]) -> Tensor:
+    """(G,) f64: how often grasps hold of which p (G,) was said, in clouds of `views` (G,) images; see `Judge`."""
+    said = p.double().clone()
+    for name, of in zip(VIEWS, (views <= 1, views > 1), strict=True):
+        if name in calibration:
+            low, high, shift = calibration[name]
+            its = said[of].clamp(_EDGE, 1 - _EDGE)
+            said[of] = (low * its.log() - high * (-its).log1p() + shift).sigmoid().clamp(_EDGE, 1 - _EDGE)
+    return said
 
 
 def save_judge(judge: Judge, folder: Path) -> int:
@@ -99,6 +127,7 @@ def save_judge(judge: Judge, folder: Path) -> int:
         "settings": dict(judge.settings),
         "taught": dict(judge.taught),
         "results": dict(judge.results),
+        "calibration": {name: list(curve) for name, curve in judge.calibration.items()},
         DIGEST: hashlib.sha256(content).hexdigest(),
     }
     write_bytes(folder / ABOUT, sealed_json(document, indent=1, sort_keys=True))
@@ -121,8 +150,9 @@ def load_judge(folder: Path) -> Judge:
             except (KeyError, InputError, RuntimeError, IndexError) as error:
                 raise InputError(f"{path}: {name}: expected the arrays of a judge, got others ({error})") from None
             factors[known, factor] = form
-    about = (document[key] for key in ("settings", "sure", "taught", "results"))
-    return Judge(factors, *about)
+    settings, sure, taught, results = (document[key] for key in ("settings", "sure", "taught", "results"))
+    curves = {name: (curve[0], curve[1], curve[2]) for name, curve in document["calibration"].items()}
+    return Judge(factors, settings, sure, taught, results, curves)
 
 
 def _tensors(path: Path, digest: str) -> dict[str, Tensor]:
@@ -145,7 +175,10 @@ def _document(path: Path) -> dict[str, Any]:
     document = json_values(path, "a judge's JSON", sealed=True)
     found = (document.get("format"), document.get("schema")) if isinstance(document, dict) else type(document).__name__
     if found != (FORMAT, SCHEMA):
-        raise InputError(f"{path}: expected format {FORMAT!r}, schema {SCHEMA}; got {found}")
+        raise InputError(
+            f"{path}: expected format {FORMAT!r}, schema {SCHEMA}; got {found}; learn it again: "
+            "python -m spgf_torch.judge hand=NAME"
+        )
     if document.get("numbers") != list(NAMES):
         raise InputError(f"{path}: expected a judge of this version's {len(NAMES)} numbers, got one of others")
     forms, wanted = document.get("forms"), {f"{known}.{factor}" for known in KNOWN for factor in FACTORS}
@@ -154,9 +187,20 @@ def _document(path: Path) -> dict[str, Any]:
     for key, kind in (("sure", float), ("settings", dict), ("taught", dict), ("results", dict), (DIGEST, str)):
         if not isinstance(document.get(key), kind):
             raise InputError(f"{path}: expected {key}, got {document.get(key)!r}")
+    curves = document.get("calibration")
+    if not isinstance(curves, dict) or not all(name in VIEWS and _rising(curve) for name, curve in curves.items()):
+        raise InputError(
+            f"{path}: expected calibration of {', '.join(VIEWS)}: two slopes > 0 and a shift; got {curves}"
+        )
     for key, room in _SETTINGS.items():
         try:
             typed(room, document["settings"].get(key, {}))
         except InputError as error:
             raise InputError(f"{path}: settings.{key}: {error}") from None
     return document
+
+
+def _rising(curve: Any) -> bool:
+    """Whether this is a `Curve`, whose slopes are above 0."""
+    numbers = isinstance(curve, list) and len(curve) == 3 and all(type(value) in (int, float) for value in curve)
+    return numbers and min(curve[:2]) > 0 and all(math.isfinite(value) for value in curve)

@@ -26,13 +26,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from spgf_torch.proposing.hand_geometry import HandGeometry
 from spgf_torch.proposing.hypotheses import Hypotheses, Search, local, parts
+from spgf_torch.proposing.kernels import nearest_piece, pad_numbers
 from spgf_torch.sensing.texlets import Texlets
-from spgf_torch.sensing.unseen import DepthView, behind, mean_direction
+from spgf_torch.sensing.unseen import DepthView, behind_at, mean_direction
 
 PADS = ("log_points", "width", "off_mid", "mean_z", "anti_min", "anti_max", "n_min", "n_max", "both_sides", "log_both")
 BODY = ("c_x", "c_y", "c_z", "c_arm", "span", "size_1", "size_2", "size_3")
@@ -79,8 +81,7 @@ def judge_features(seen: Seen, hypotheses: Hypotheses, search: Search) -> Tensor
             numbers[part, 2 : 3 + len(PADS)] = between_pads(at, turned, hand)
             numbers[part, 3 + len(PADS) : len(GEOMETRY)] = body(at, positions, hand)
         if seen.views:
-            for part in of_type.split(256):
-                numbers[part, len(GEOMETRY) :] = unseen(hypotheses.T[part], seen, hand)
+            numbers[of_type, len(GEOMETRY) :] = unseen(hypotheses.T[of_type], seen, hand)
     return numbers
 
 
@@ -92,8 +93,9 @@ def in_images(seen: Seen, hypotheses: Hypotheses, search: Search) -> Tensor:
     """
     shown = torch.ones(len(hypotheses), dtype=torch.bool)
     for code, hand in enumerate(search.hands):
-        for part in (hypotheses.grasp_type == code).nonzero()[:, 0].split(256) if seen.views else ():
-            shown[part] = behind(_placed(hypotheses.T[part], hand.fingers), seen.views).isfinite().all(1)
+        of_type = (hypotheses.grasp_type == code).nonzero()[:, 0]
+        if seen.views:
+            shown[of_type] = behind_at(hypotheses.T[of_type], hand.fingers, seen.views, math.inf).isfinite().all(1)
     return shown
 
 
@@ -104,48 +106,18 @@ def margin(at: Tensor, hand: HandGeometry, most: float) -> Tensor:
     """
     normals, offsets = hand.planes
     least = torch.full((len(at),), most)
-    points = at.transpose(0, 1).reshape(3, -1)  # one product for all grasps is three times as fast
-    for normal, offset in zip(normals, offsets, strict=True):
-        beyond = torch.addmm(offset, normal, points, beta=-1).amax(0).view(len(at), -1)
-        least = torch.minimum(least, beyond.amin(1))
+    nearest_piece(at.numpy(), normals.numpy(), offsets.numpy(), least.numpy())
     return least
 
 
 def between_pads(at: Tensor, cosine: Tensor, hand: HandGeometry) -> Tensor:
     """(G, 11): the numbers `PADS` and reach, of points at (G, 3, N) with normals whose cosine with x is (G, N)."""
     region, config = hand.region, hand.config
-    x, y, z = at.unbind(1)
-    ahead = (x.abs() < region.half) & (y.abs() < region.height) & (z < region.high) & (z > -config.near_fingers)
-    nearest = torch.where(ahead, z, region.high).amin(1)
-    on = region.holds(x, y, z)
-    count = on.sum(1)
-    some = count.clamp(min=1)
-    nothing = count == 0
-    high = torch.where(on, x, -torch.inf).amax(1).masked_fill(nothing, 0.0)
-    low = torch.where(on, x, torch.inf).amin(1).masked_fill(nothing, 0.0)
-    edge = math.cos(math.atan(config.friction))
-    sides = []
-    for sign, face in ((1, high), (-1, -low)):
-        pad = on & (sign * x > face.unsqueeze(1) - config.pad_depth)
-        members = pad.sum(1).clamp(min=1)
-        within = ((sign * cosine - edge) / (1 - edge)).clamp(0, 1)
-        sides.append([torch.where(pad, value, 0.0).sum(1) / members for value in (within, sign * cosine)])
-    (anti_r, n_r), (anti_l, n_l) = sides
-    both = torch.minimum((on & (cosine > _FACING)).sum(1), (on & (cosine < -_FACING)).sum(1))
-    numbers = (
-        torch.log1p(count.float()),
-        (high - low) / (2 * region.half),
-        (high + low).abs() / 2,
-        torch.where(on, z, 0.0).sum(1) / some,
-        torch.minimum(anti_r, anti_l),
-        torch.maximum(anti_r, anti_l),
-        torch.minimum(n_r, n_l),
-        torch.maximum(n_r, n_l),
-        (both > 0).float(),
-        torch.log1p(both.float()),
-        region.high - nearest,
-    )
-    return torch.stack(numbers, dim=1)
+    box, edge = (region.half, region.height, region.low, region.high), math.cos(math.atan(config.friction))
+    limits = np.array([*box, config.near_fingers, config.pad_depth, edge, _FACING], np.float32)
+    numbers = torch.empty(len(at), len(PADS) + 1)
+    pad_numbers(at.numpy(), cosine.numpy(), limits, numbers.numpy())
+    return numbers
 
 
 def body(at: Tensor, positions: Tensor, hand: HandGeometry) -> Tensor:
@@ -160,7 +132,8 @@ def body(at: Tensor, positions: Tensor, hand: HandGeometry) -> Tensor:
 def unseen(T: Tensor, seen: Seen, hand: HandGeometry) -> Tensor:
     """(G, 10): the numbers `UNSEEN` of hands at poses (G, 4, 4)."""
     config = hand.config
-    fingers, palm, sweep = (behind(_placed(T, points), seen.views) for points in (hand.fingers, hand.palm, hand.sweep))
+    fingers, palm = (behind_at(T, points, seen.views, config.unseen) for points in (hand.fingers, hand.palm))
+    sweep = behind_at(T, hand.sweep, seen.views, 0.0)
     hidden = fingers > config.unseen
     left = hand.fingers[:, 0] < 0
     sides = torch.stack([share(hidden[:, left]), share(hidden[:, ~left])])
@@ -183,8 +156,3 @@ def unseen(T: Tensor, seen: Seen, hand: HandGeometry) -> Tensor:
 def share(which: Tensor) -> Tensor:
     """(G,) f32 of points (G, I) bool; 0 of none."""
     return which.float().sum(1) / max(1, which.shape[1])
-
-
-def _placed(T: Tensor, points: Tensor) -> Tensor:
-    """(G, I, 3) where points (I, 3) of the hand lie at poses (G, 4, 4)."""
-    return (T[:, :3, :3] @ points.T).mT + T[:, None, :3, 3]

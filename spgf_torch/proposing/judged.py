@@ -5,18 +5,22 @@ The votes of local shapes (`propose`) take no part in the ranking; they are told
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
+from spgf_torch.affordance.sensed_collision import HandVolume
 from spgf_torch.config import ProposingConfig
-from spgf_torch.proposing.clearance import Surroundings
+from spgf_torch.proposing.borders import clear_of_borders
+from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import Seen, in_images, judge_features
 from spgf_torch.proposing.propose import NOTHING, Pool, Proposals, Proposer, votes_by_prototype
 from spgf_torch.proposing.spreading import suppress
+from spgf_torch.proposing.weighing import Numbers
 
 
 @dataclass(frozen=True)
@@ -25,11 +29,13 @@ class Ranked:
 
     Attributes:
         factors (G, 2) f64: of a judge P(free) and P(holds | free), whose product that is; None of another ranking.
+        numbers: what it knew of each; () of another ranking.
     """
 
     poses: Hypotheses
     probability: Tensor
     factors: Tensor | None = None
+    numbers: tuple[Numbers, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -37,13 +43,13 @@ class JudgedProposer:
     """A judge made ready to propose grasps.
 
     Attributes:
-        proposer: whose votes are told beside a grasp.
+        proposer: whose votes are told beside a grasp; None: none are.
     """
 
     judge: Judge
     search: Search
     config: ProposingConfig
-    proposer: Proposer
+    proposer: Proposer | None
 
     @staticmethod
     def of(judge: Judge, proposer: Proposer) -> JudgedProposer:
@@ -51,31 +57,53 @@ class JudgedProposer:
         judge.check_hand(proposer.model.settings.get("hand"), "the model's hand")
         return JudgedProposer(judge, Search.of(proposer.clearance, judge.hypotheses), proposer.config, proposer)
 
+    @staticmethod
+    def alone(judge: Judge, volumes: Mapping[str, HandVolume], config: ProposingConfig) -> JudgedProposer:
+        """Without a model whose votes could be told; `volumes`: grasp type -> the open hand."""
+        clearance = Clearance(volumes, config.plane_clearance, config.between, config.obstacle_clearance)
+        return JudgedProposer(judge, Search.of(clearance, judge.hypotheses), config, None)
+
     def propose(self, seen: Seen, around: Surroundings = NOTHING) -> Proposals:
         """Grasps for what is seen, the most probable first, with the votes of local shapes on each."""
         found = ranked(self.judge, self.search, self.config, seen, around)
-        proposer, device = self.proposer, self.proposer.model.centres.device
+        if (proposer := self.proposer) is None:
+            none = torch.zeros(len(found.poses), dtype=torch.int64)
+            score, nobody = found.probability, ((),) * len(none)
+            return Proposals(found.poses.T, found.poses.grasp_type, score, score, none, nobody, found.factors)
+        device = proposer.model.centres.device
         T, grasp_type = found.poses.T.to(device), found.poses.grasp_type.to(device)
         votes = proposer.votes(T, grasp_type, proposer.voters(proposer.described(seen.texlets)))
         score = found.probability.to(device)
         support = torch.bincount(votes.grasp, minlength=len(T))
-        return Proposals(T, grasp_type, score, score, support, tuple(votes_by_prototype(votes, len(T))), found.factors)
+        voted_by = tuple(votes_by_prototype(votes, len(T)))
+        return Proposals(T, grasp_type, score, score, support, voted_by, found.factors, found.numbers)
 
 
 def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, around: Surroundings) -> Ranked:
     """The most probable grasps, no two of which are the same, at most `config.count` of each type."""
     hypotheses = search.hypotheses(seen.texlets, around)
     hypotheses = hypotheses.at(in_images(seen, hypotheses, search))
+    regions = [hand.region for hand in search.hands]
+    clear = clear_of_borders(around.borders, hypotheses.T, hypotheses.grasp_type, regions)
+    hypotheses = hypotheses.at(clear)
     numbers = judge_features(seen, hypotheses, search)
     factors = torch.stack(judge.both(numbers, images=bool(seen.views)), dim=1)
-    return best_of(hypotheses, factors.prod(1).float(), config, factors)
+    kept = best_indices(hypotheses, score := factors.prod(1).float(), config)
+    usual = numbers.median(0).values if len(numbers) else numbers
+    known = tuple(Numbers(numbers[i], usual, bool(seen.views)) for i in kept.tolist())
+    return Ranked(hypotheses.at(kept), score[kept], factors[kept], known)
 
 
-def best_of(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig, factors: Tensor | None = None) -> Ranked:
+def best_of(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig) -> Ranked:
     """The highest scores (H,) f32, no two of the same grasp, at most `config.count` of each type."""
+    kept = best_indices(hypotheses, score, config)
+    return Ranked(hypotheses.at(kept), score[kept])
+
+
+def best_indices(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig) -> Tensor:
+    """(G,) int64, those of `best_of`, the best first."""
     alike = torch.zeros_like(hypotheses.grasp_type)  # a wide and a narrow grasp of one place are one grasp
     kept = suppress(hypotheses.T, alike, score, config.apart, config.apart_deg)
     pool = Pool(hypotheses.T[kept], hypotheses.grasp_type[kept], score[kept])
     kept = kept[of_each := pool.best_of_each_type(config.count)]
-    kept = kept[torch.argsort(pool.score[of_each], descending=True, stable=True)]
-    return Ranked(hypotheses.at(kept), score[kept], None if factors is None else factors[kept])
+    return kept[torch.argsort(pool.score[of_each], descending=True, stable=True)]

@@ -31,9 +31,12 @@ from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, Prop
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.features.interface import LocalFeatures
 from spgf_torch.geometry import se3
+from spgf_torch.proposing.borders import clear_of_borders
 from spgf_torch.proposing.clearance import Clearance, Surroundings
+from spgf_torch.proposing.hand_geometry import ClosingRegion, closing_region
 from spgf_torch.proposing.shortlist import Shortlist, shortlist
 from spgf_torch.proposing.spreading import spread_order, suppress
+from spgf_torch.proposing.weighing import Numbers
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.sensing.texlets import Texlets
 
@@ -53,6 +56,7 @@ class Proposals:
         support (G,) int64: votes.
         voted_by: of each grasp (prototype, votes), most votes first.
         judged (G, 2) f64: of a judge P(free) and P(holds | free); None where the votes ranked.
+        numbers: what the judge knew of each; () where the votes ranked.
     """
 
     T_object_tcp: Tensor
@@ -62,6 +66,7 @@ class Proposals:
     support: Tensor
     voted_by: tuple[tuple[tuple[int, int], ...], ...]
     judged: Tensor | None = None
+    numbers: tuple[Numbers, ...] = ()
 
     def __len__(self) -> int:
         return len(self.grasp_type)
@@ -138,6 +143,11 @@ class Proposer:
         return point_gains(self.model.condensed, self.affordance)
 
     @cached_property
+    def regions(self) -> tuple[ClosingRegion, ...]:
+        """What the pads of each grasp type sweep."""
+        return tuple(closing_region(self.clearance.volumes[kind]) for kind in GRASP_TYPES)
+
+    @cached_property
     def moves(self) -> Tensor:
         """(rounds, moves, 4, 4) f32: small random displacements, the same for every grasp and every object."""
         config, generator = self.config, torch.Generator().manual_seed(0)
@@ -183,6 +193,8 @@ class Proposer:
         config, proposing = self.config, voters.first(self.config.proposing_features)
         T, grasp_type = self.shortlist.hypotheses(proposing.T_object_feature, proposing.prototype)
         possible = self.above(T, grasp_type, around).nonzero()[:, 0]
+        at = T[possible], grasp_type[possible]
+        possible = possible[clear_of_borders(around.borders, *at, self.regions)]
         sparse = around.sparse(config.coarse_cell)
         possible = possible[self.clearance.free_of_points(sparse, T[possible], grasp_type[possible])]
         T, grasp_type = T[possible], grasp_type[possible]
@@ -215,6 +227,7 @@ class Proposer:
         free &= self.clearance.closes_on_points(points, T[better], grasp_type[better])
         free &= self.clearance.free_of_obstacles(around.obstacles, T[better], grasp_type[better])
         free &= self.above(T[better], grasp_type[better], around)
+        free &= clear_of_borders(around.borders, T[better], grasp_type[better], self.regions)
         gained = torch.full_like(score, -math.inf)
         gained[better[free]] = score[better[free]]
         top = gained.view(len(best), len(moves)).max(dim=1)

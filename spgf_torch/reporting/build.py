@@ -12,7 +12,7 @@ from spgf_torch.config import GRASP_TYPES, InputError, ReportConfig, find
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
 from spgf_torch.progress import Stages
-from spgf_torch.reporting.context import Context, Part, choose
+from spgf_torch.reporting.context import Context, Part, choose, tell_replaced
 from spgf_torch.reporting.grasp_parts import precision_part, reliability_part, worst_part
 from spgf_torch.reporting.model_parts import Prototypes, describe, grasps_part, objects_part, prototypes_part
 from spgf_torch.reporting.page import Section, page
@@ -34,7 +34,8 @@ def build(config: ReportConfig, runs: Sequence[Run], folder: Path, stages: Stage
     What cannot be used is noted in a line each and leaves its figures out. Raises InputError where `show` is no K of
     the runs, or no run has rates.
     """
-    context = choose(config, find_sweep(runs), notes)
+    context = choose(config, sweep := find_sweep(runs), notes)
+    tell_replaced(runs, sweep, notes)
     groups = table1(context.sweep.runs, context.rankings, context.shown)
     parts = [*_rates(context, groups, stages), *_grasps_and_model(context, stages)]
     if ablated := ablation_part(context):

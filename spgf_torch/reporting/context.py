@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from spgf_torch.config import InputError, ReportConfig
+from spgf_torch.config import JUDGE, InputError, ReportConfig
 from spgf_torch.reporting.page import Section
 from spgf_torch.reporting.runs import Run, Tell
 from spgf_torch.reporting.sweep import NOMINAL_K, Sweep
@@ -46,6 +47,18 @@ def choose(config: ReportConfig, sweep: Sweep, tell: Tell) -> Context:
     return Context(config, sweep, rankings[0], rankings, _shown(config, sweep, rankings[0]), tell)
 
 
+def tell_replaced(runs: Sequence[Run], sweep: Sweep, tell: Tell) -> None:
+    """A line about runs with the ranking `judge` for which newer ones of the same settings stand that lack it."""
+    used = {run.folder for run in (*sweep.runs, *(variant.run for variant in sweep.variants))}
+    for run in runs:
+        if JUDGE in run.by_ranking and run.folder not in used:
+            newer = [other for other in (*sweep.runs, *(v.run for v in sweep.variants)) if other.K == run.K]
+            if not any(JUDGE in other.by_ranking for other in newer):
+                tell(
+                    f"no ranking {JUDGE} of K = {run.K}: {run.folder.name} has it, a newer run of its settings has not"
+                )
+
+
 def best_run(runs: tuple[Run, ...], ranking: str) -> Run:
     """The run with the highest CG over all objects; of equal ones that of the smallest K."""
     ranked = [run for run in runs if ranking in run.by_ranking]
@@ -53,9 +66,12 @@ def best_run(runs: tuple[Run, ...], ranking: str) -> Run:
 
 
 def _rankings(config: ReportConfig, sweep: Sweep, tell: Tell) -> tuple[str, ...]:
-    """Those that any run has, the shown one first; another one is shown where none has it."""
+    """Those that any run has, the shown one first; another one is shown where none has it.
+
+    `judge` joins where a run has it: only those that were asked for do.
+    """
     known = dict.fromkeys(name for run in sweep.runs for name in run.by_ranking)
-    wanted = dict.fromkeys([config.ranking, *config.rankings])
+    wanted = dict.fromkeys([config.ranking, *config.rankings, *(name for name in known if name == JUDGE)])
     present = tuple(name for name in wanted if name in known) or tuple(known)
     if not present:
         raise InputError(f"runs: expected rates by the ranking {config.ranking}, got none by any")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 
-from spgf_torch.config import CLASSES, GRASP_TYPES
+from spgf_torch.config import CLASSES, GRASP_TYPES, JUDGE
 from spgf_torch.evaluation import paper
 from spgf_torch.reporting.ablations import ablation_csv, ablation_markdown, ablation_page, ablations, ranked_otherwise
 from spgf_torch.reporting.charts import success_over_k
@@ -16,6 +16,12 @@ from spgf_torch.reporting.table1 import Group, latex, long_csv, markdown, page_t
 
 SECOND = "log_odds"  # shown beside the shown ranking in the ablations
 FROM_K = 10  # the smallest K of the comparison of CG with single types: below, the paper's K = 5 is too coarse
+
+JUDGE_WORDS = (
+    " The ranking <code>judge</code> is not the paper's and does not depend on K: boosted trees learned from the same "
+    "trials of the training folds. It knows more than the votes do: space that no camera has seen, how near sensed "
+    "points come to the open hand, and which trials collided. Candidates with a sensed collision come last."
+)
 
 
 def headline(context: Context) -> Part:
@@ -65,7 +71,7 @@ def table_part(context: Context, groups: list[Group]) -> Part:
         "is the share of successes among all candidates, <i>no sensed collision</i> the same among candidates "
         "whose open hand holds no sensed point, and the <i>ceiling</i> what a ranking that knew the outcomes would "
         "reach. Marked is the K with the best CG of a ranking. Files: <code>table1.md</code>, "
-        "<code>table1.csv</code>, <code>table1.tex</code>."
+        "<code>table1.csv</code>, <code>table1.tex</code>." + (JUDGE_WORDS if JUDGE in context.rankings else "")
     )
     first, others, chance = groups[0], groups[1:-1], groups[-1]
     body = words + f'<div class="wide">{page_table([first, chance])}</div>'

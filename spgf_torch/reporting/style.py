@@ -18,6 +18,7 @@ METHOD_COLOURS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F0
 PAPER, CHANCE, CEILING = "#8a8a8a", "#444444", "#b9b9b9"
 FAILED, HELD = "#c8102e", "#1a9641"
 MESH = "#dfe5ea"
+OBSTACLE, TABLE = "#7d9cc0", ("#f3efe6", "#ebe5d8")  # of scenes: other things; a table's tiles in turn
 LIGHT = np.array([0.35, -0.55, 0.76]) / np.linalg.norm([0.35, -0.55, 0.76])  # towards the lamp: front right, above
 
 # The paper's red to green; lightness falls, too, so that it can be read without telling red from green.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,21 +12,22 @@ import torch
 
 from spgf_torch.config import InputError, SceneConfig, SensingConfig
 from spgf_torch.scene.cloud import Cloud, checked, vectors, voxel_means
-from spgf_torch.scene.degenerate import flat_hint, why_no_grasp
+from spgf_torch.scene.degenerate import why_no_grasp
 from spgf_torch.scene.depth_files import is_depth
 from spgf_torch.scene.files import read_clouds
-from spgf_torch.scene.gravity import Gravity, gravity_of
+from spgf_torch.scene.gravity import gravity_of
 from spgf_torch.scene.meshes import as_cloud, is_mesh, sampled, sensed
 from spgf_torch.scene.normals import neighbourhoods, oriented
+from spgf_torch.scene.parts import Around, scene_of_parts, thinned
 from spgf_torch.scene.planes import height
 from spgf_torch.scene.plausible import check_depth_image, size_notes, unusual_depth
 from spgf_torch.scene.scene import Scene
+from spgf_torch.scene.seen import looked_by_cameras, looked_by_clouds, looked_by_images, looked_by_nobody
 from spgf_torch.scene.selection import is_target, table_of, targeted, viewpoints_of
 from spgf_torch.scene.surfaces import stride_of, surfaces
 from spgf_torch.scene.viewpoint import ahead_of, check_side, with_viewpoint
 from spgf_torch.scene.views import View, files_of, read_views
-from spgf_torch.sensing.texlets import Texlets, thin
-from spgf_torch.sensing.unseen import DepthView
+from spgf_torch.sensing.texlets import Texlets
 
 # Points further apart than this much of the texlets' spacing leave many a texlet with one point, which then must do.
 _SPARSE = 0.85
@@ -117,8 +118,9 @@ def scene_of_clouds(
         if neighbourhoods(kept, config.min_neighbours, sensing.spacing)[1] > _SPARSE * sensing.spacing:
             sensing = replace(sensing, min_members=1)
         notes += size_notes(facing, None, config, table is not None)
-    around = _Around(obstacles, table, gravity, viewpoints_of(clouds))
-    scene = _thinned(facing, around, notes, config, sensing, generator, why)
+    looked = looked_by_clouds(clouds, None if table is None else table[:3])
+    around = Around(obstacles, table, gravity, viewpoints_of(clouds), looked)
+    scene = thinned(facing, around, notes, config, sensing, generator, why)
     return _with_lost(scene, named)
 
 
@@ -164,10 +166,9 @@ def _scene_of_views(
     table = table_of(clouds, config, generator, gravity, notes)
     targets, obstacles = _apart(clouds, table, config)
     notes += size_notes(targets, views, config, table is not None)
-    images = tuple(DepthView.of(view.depth, view.camera) for view in views)
-    around = _Around(obstacles, table, gravity, viewpoints_of(clouds), images)
+    around = Around(obstacles, table, gravity, viewpoints_of(clouds), looked_by_images(views))
     why = why_no_grasp(targets, targets, table, config)
-    scene = _thinned(targets, around, notes, config, sensing, generator, why)
+    scene = thinned(targets, around, notes, config, sensing, generator, why)
     return _with_lost(scene, _named([view.labels for view in views]))
 
 
@@ -197,8 +198,8 @@ def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, gene
         gravity = gravity_of(config, None)
         table = table_of(clouds, config, generator, gravity, notes)
         targets, obstacles = _apart(clouds, table, config)
-        around = _Around(obstacles, table, gravity, None)
-        return _thinned(
+        around = Around(obstacles, table, gravity, None, looked_by_nobody("a mesh taken whole was not seen by anybody"))
+        return thinned(
             targets, around, notes, config, sensing, generator, why_no_grasp(targets, targets, table, config)
         )
     texlets, viewpoints, images = sensed(path, config, sensing, generator)
@@ -213,8 +214,8 @@ def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, gene
     kept = targets[0]
     assert kept.normals is not None
     parts = {1: Texlets(torch.from_numpy(kept.points).float(), torch.from_numpy(kept.normals).float())}
-    around = _Around(obstacles, table, gravity, viewpoints, images)
-    return _scene(parts, around, notes, sensing, why_no_grasp(targets, targets, table, config))
+    around = Around(obstacles, table, gravity, viewpoints, looked_by_cameras(images))
+    return scene_of_parts(parts, around, notes, config, sensing, why_no_grasp(targets, targets, table, config))
 
 
 def _apart(clouds: Sequence[Cloud], table: np.ndarray | None, config: SceneConfig) -> tuple[list[Cloud], np.ndarray]:
@@ -227,60 +228,6 @@ def _apart(clouds: Sequence[Cloud], table: np.ndarray | None, config: SceneConfi
             targets.append(cloud.select(target & above))
         obstacles.append(cloud.points[~target & above])
     return targets, np.concatenate(obstacles)
-
-
-@dataclass(frozen=True)
-class _Around:
-    """What is known beside the targets; see `Scene`."""
-
-    obstacles: np.ndarray
-    table: np.ndarray | None
-    gravity: Gravity | None
-    viewpoints: np.ndarray | None
-    views: tuple[DepthView, ...] | None = None
-
-
-def _thinned(
-    clouds: Sequence[Cloud],
-    around: _Around,
-    notes: list[str],
-    config: SceneConfig,
-    sensing: SensingConfig,
-    generator: np.random.Generator,
-    no_grasp: str | None,
-) -> Scene:
-    """The scene of oriented clouds together, each target thinned to texlets of its own."""
-    points = np.concatenate([cloud.points for cloud in clouds])
-    normals = np.concatenate([cloud.normals for cloud in clouds if cloud.normals is not None])
-    label = np.concatenate([np.ones(len(c), np.int32) if c.labels is None else c.labels for c in clouds])
-    numbers = np.unique(label).tolist() or [1]
-    parts = {k: thin(points[label == k], normals[label == k], sensing, generator) for k in numbers}
-    parts = {k: part for k, part in parts.items() if len(part)} or {numbers[0]: parts[numbers[0]]}
-    if not any(map(len, parts.values())) and no_grasp is None:
-        raise InputError(
-            f"{clouds[0].name}: expected {sensing.min_members} points within {sensing.spacing:g} m somewhere, got "
-            f"fewer everywhere in {len(points)}; a denser cloud, a smaller stride, or another unit?"
-        )
-    if len(parts) > 1:
-        notes.append(f"targets: {', '.join(f'{k} ({len(part)} texlets)' for k, part in parts.items())}")
-    if no_grasp is None and (hint := flat_hint(points, normals, around.table, config)) is not None:
-        notes.append(hint)
-    return _scene(parts, around, notes, sensing, no_grasp)
-
-
-def _scene(
-    parts: dict[int, Texlets], around: _Around, notes: list[str], sensing: SensingConfig, no_grasp: str | None
-) -> Scene:
-    """The scene of the texlets of each target."""
-    texlets = Texlets(
-        torch.cat([part.positions for part in parts.values()]), torch.cat([part.normals for part in parts.values()])
-    )
-    labels = torch.cat([torch.full((len(part),), k, dtype=torch.int64) for k, part in parts.items()])
-    solid = torch.from_numpy(around.obstacles).float()
-    if len(solid):
-        notes.append(f"obstacles: {len(solid)} points of what is no target")
-    known = (around.table, around.gravity, around.viewpoints)
-    return Scene(texlets, labels, solid, *known, sensing.spacing, tuple(notes), no_grasp, around.views)
 
 
 def _check_near(clouds: Sequence[Cloud]) -> None:

@@ -40,7 +40,11 @@ class Scene:
         viewpoints: (V, 3) float64, m, from where it was seen; None where not known.
         spacing: m between texlets, which a model's must equal.
         notes: what was assumed, left out or looks wrong ("warning: ..."), a line each.
-        views: the whole depth images with their cameras, which tell unseen space; None where there are none.
+        views: whole depth images with their cameras, also those that clouds make at their viewpoints, which tell unseen
+            space; None: it is not known.
+        borders: (N, 3) float32 of each texlet the unit vector along its surface over the border of an image, a mask, a
+            crop box or the cloud that cuts it there; NaN: none does; None: none does anywhere.
+        unseen: how unseen space is known, or why it is not, in words.
         no_grasp: why there can be none, such as points on a line; None: there may be some.
     """
 
@@ -54,6 +58,8 @@ class Scene:
     notes: tuple[str, ...]
     no_grasp: str | None = None
     views: tuple[DepthView, ...] | None = None
+    borders: torch.Tensor | None = None
+    unseen: str = ""
 
     @property
     def targets(self) -> tuple[int, ...]:
@@ -71,6 +77,7 @@ class Scene:
             texlets=Texlets(self.texlets.positions[own], self.texlets.normals[own]),
             labels=self.labels[own],
             obstacles=torch.cat([self.obstacles, others]),
+            borders=None if self.borders is None else self.borders[own],
         )
 
     @staticmethod

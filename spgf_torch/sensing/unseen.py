@@ -15,6 +15,7 @@ import torch
 from scipy.ndimage import minimum_filter
 from torch import Tensor
 
+from spgf_torch.compiled import compiled
 from spgf_torch.sensing.cameras import Camera
 
 # px; side of the window whose least depth fills a pixel without return.
@@ -73,6 +74,60 @@ def behind(points: Tensor, views: Sequence[DepthView]) -> Tensor:
     for view in views:
         least = torch.minimum(least, view.behind(points))
     return least
+
+
+def behind_at(T: Tensor, points: Tensor, views: Sequence[DepthView], enough: float) -> Tensor:
+    """(G, I) f32 the same for points (I, 3) of a body at poses (G, 4, 4) in the views' frame.
+
+    A point that one view puts at most `enough` m behind its surface is not looked for in the others: where a value is
+    that small, it need not be the least. Infinity: where one image shows the place, the others are not asked.
+    """
+    least = torch.full((len(T), len(points)), torch.inf)
+    poses, body = T.contiguous().numpy(), points.contiguous().numpy()
+    for view in views:
+        camera = np.concatenate([view.rotation.T, view.K @ view.rotation.T]).astype(np.float64)
+        image = view.eye.numpy(), view.depth.contiguous().numpy(), camera
+        project(poses, body, *image, np.float32(enough), least.numpy())
+    return least
+
+
+@compiled
+def project(
+    T: np.ndarray,
+    points: np.ndarray,
+    eye: np.ndarray,
+    depth: np.ndarray,
+    camera: np.ndarray,
+    enough: np.float32,
+    least: np.ndarray,
+) -> None:
+    """Lower `least` (G, I) to the depths of points (I, 3) at poses (G, 4, 4) behind the surface in an image (H, W).
+
+    camera (6, 3) f64: the rows of the rotation into its frame, then of that into pixels times metres.
+    """
+    height, width = depth.shape
+    turn, move = np.empty((6, 3)), np.empty(6)
+    for g in range(len(T)):
+        for row in range(6):
+            move[row] = 0.0
+            for k in range(3):
+                move[row] += camera[row, k] * (np.float64(T[g, k, 3]) - eye[k])
+                turn[row, k] = 0.0
+                for j in range(3):
+                    turn[row, k] += camera[row, j] * T[g, j, k]
+        for i in range(len(points)):
+            if least[g, i] <= enough and least[g, i] < np.inf:
+                continue
+            a, b, c = points[i]
+            z = turn[2, 0] * a + turn[2, 1] * b + turn[2, 2] * c + move[2]
+            if z <= 0:
+                continue
+            scale = 1 / max(z, 1e-6)
+            u = (turn[3, 0] * a + turn[3, 1] * b + turn[3, 2] * c + move[3]) * scale
+            v = (turn[4, 0] * a + turn[4, 1] * b + turn[4, 2] * c + move[4]) * scale
+            if u > -0.5 and u < width - 0.5 and v > -0.5 and v < height - 0.5:
+                surface = depth[int(np.rint(v)), int(np.rint(u))]
+                least[g, i] = min(least[g, i], z - surface if surface < np.inf else _THROUGH)
 
 
 def mean_direction(views: Sequence[DepthView], centre: Tensor) -> Tensor:

@@ -17,11 +17,15 @@ from spgf_torch.config import GRASP_TYPES, SamplerConfig, plain, typed
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.trials.attempts import Case, Ended, Trials
 from spgf_torch.trials.candidates import sample_poses
-from spgf_torch.trials.runners import Here, Local, Runner, Task
+from spgf_torch.trials.runners import Runner, Task, runner_of
 from spgf_torch.trials.table import OUTCOMES, Origin, TrialTable, pose_matrix
 
 CHUNK = 50  # candidates a task: a few seconds at most, so that all workers end together
 VERSIONS = ("sapien", "trimesh", "numpy", "python-fcl", "embreex", "pytorch-kinematics")
+
+
+class TrialError(RuntimeError):
+    """A trial that has no outcome: whose, and why."""
 
 
 def origin(obj: GraspObject, trials: Trials, sampler: SamplerConfig, candidates: int, seed: int) -> Origin:
@@ -121,13 +125,13 @@ def simulate(
 def execute(
     requests: Iterable[tuple[GraspObject, str, Tensor]],
     trials: Trials,
-    workers: int = 0,
+    workers: int | Runner = 0,
     progress: Callable[[str, int], None] = lambda name, done: None,
 ) -> Iterator[Tensor]:
     """For each (object, grasp type, T_object_tcp (M, 4, 4)) the outcomes (M,) int64, codes into `OUTCOMES`.
 
-    `workers` processes, 0 = one a core, 1 = this one. `progress(name, done)` is called whenever `done` more candidates
-    of an object have ended. Raises RuntimeError where one has no outcome.
+    `workers` processes, 0 = one a core, 1 = this one; or whatever runs them. `progress(name, done)` is called whenever
+    `done` more candidates of an object have ended. Raises TrialError where one has no outcome.
     """
     cases = [(Case.of(obj, trials, kind), T.numpy()) for obj, kind, T in requests]
     tasks = [
@@ -135,7 +139,7 @@ def execute(
         for index, (case, T) in enumerate(cases)
         for first in range(0, len(T), CHUNK)
     ]
-    runner: Runner = Here() if workers == 1 else Local(workers)
+    runner = runner_of(workers) if isinstance(workers, int) else workers
     outcomes: list[list[str | None]] = [[] for _ in cases]
     ended = 0
     for task, result in _in_order(runner, tasks):
@@ -170,5 +174,5 @@ def _in_order(runner: Runner, tasks: Sequence[Task]) -> Iterator[tuple[Task, End
 def _complete(task: Task, ended: Ended) -> Ended:
     reason = ended.unbuilt or next(iter(ended.reasons.values()), "")
     if reason:
-        raise RuntimeError(f"{task.case.obj.name} {task.case.kind}: {reason}")
+        raise TrialError(f"{task.case.obj.name} {task.case.kind}: {reason}")
     return ended

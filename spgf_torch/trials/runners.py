@@ -90,6 +90,21 @@ class Local:
                 cell.close()
 
 
+def runner_of(workers: int = 0, limit: float | None = None, address: str | None = None) -> Runner:
+    """Where trials run: on the Dask cluster of `address`, or in `workers` processes here, one of which is this one."""
+    if address:
+        return Dask(address, limit)
+    return Here() if workers == 1 else Local(workers, limit)
+
+
+def check_address(runner: str, address: str | None) -> None:
+    """InputError unless there is a scheduler's address with `runner` dask, and only then."""
+    if (runner == "dask") != bool(address):
+        raise InputError(
+            f"address: expected that of a Dask scheduler with runner=dask, and only then; got {address or 'none'}"
+        )
+
+
 class Dask:
     """The workers of a Dask cluster, as many threads as each has; a worker that dies is replaced by the others.
 

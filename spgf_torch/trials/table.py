@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -112,15 +112,25 @@ def table_path(folder: Path, object_name: str) -> Path:
 
 def write_table(path: Path, table: TrialTable) -> None:
     """Write `table` with its seal, at once or not at all."""
-    columns: dict[str, Any] = {
-        "index": np.arange(len(table), dtype=np.int32),
-        "type": _words(table.grasp_type, GRASP_TYPES),
+    about = {"schema": SCHEMA, "origin": asdict(table.origin), "versions": table.versions}
+    write_columns(path, columns_of(table), {KEY: json.dumps(about, sort_keys=True)})
+
+
+def columns_of(table: Any) -> dict[str, Any]:
+    """What is tried and how it ended, by the names of `COLUMNS`, and the rows' index; `table` has a `TrialTable`'s."""
+    return {
+        "index": np.arange(len(table.outcome), dtype=np.int32),
+        "type": dictionary(table.grasp_type, GRASP_TYPES),
         **dict(zip(POSITION, table.position.numpy().T, strict=True)),
         **dict(zip(QUATERNION, table.quaternion.numpy().T, strict=True)),
-        "outcome": _words(table.outcome, OUTCOMES),
+        "outcome": dictionary(table.outcome, OUTCOMES),
     }
-    about = {"schema": SCHEMA, "origin": asdict(table.origin), "versions": table.versions}
-    content = pa.table(columns).replace_schema_metadata({KEY: json.dumps(about, sort_keys=True), SEAL: BLANK})
+
+
+def write_columns(path: Path, columns: Mapping[str, Any], about: Mapping[bytes, str]) -> None:
+    """A sealed Parquet file of these columns and metadata, at once or not at all."""
+    metadata: dict[Any, Any] = {**about, SEAL: BLANK}
+    content = pa.table(dict(columns)).replace_schema_metadata(metadata)
     sink = io.BytesIO()
     pq.write_table(content, sink, compression="zstd")
     write_bytes(path, sealed(sink.getvalue()))
@@ -150,23 +160,28 @@ def _decoded(path: Path, content: pa.Table) -> TrialTable:
         )
     table = TrialTable(
         origin=Origin(**about["origin"]),
-        position=_floats(content, POSITION),
-        quaternion=_floats(content, QUATERNION),
-        grasp_type=_codes(path, content, "type", GRASP_TYPES),
-        outcome=_codes(path, content, "outcome", OUTCOMES),
+        position=floats(content, POSITION),
+        quaternion=floats(content, QUATERNION),
+        grasp_type=codes_in(path, content, "type", GRASP_TYPES),
+        outcome=codes_in(path, content, "outcome", OUTCOMES),
         versions=about["versions"],
     )
     rows = table.origin.candidates * len(GRASP_TYPES)
     if len(table) != rows:
         raise InputError(f"{path}: expected {rows} trials, got {len(table)}")
-    if not (table.position.isfinite().all() and table.quaternion.isfinite().all()):
+    check_poses(path, table.position, table.quaternion)
+    return table
+
+
+def check_poses(path: Path, position: Tensor, quaternion: Tensor) -> None:
+    """InputError unless positions (M, 3) are finite and quaternions (M, 4) of length 1."""
+    if not (position.isfinite().all() and quaternion.isfinite().all()):
         raise InputError(f"{path}: expected finite poses, got NaN or infinite ones")
-    length = torch.linalg.vector_norm(table.quaternion, dim=1)
-    if len(table) and float((length - 1).abs().max()) > UNIT:
+    length = torch.linalg.vector_norm(quaternion, dim=1)
+    if len(length) and float((length - 1).abs().max()) > UNIT:
         raise InputError(
             f"{path}: expected quaternions of length 1, got {float(length.min()):.4g} to {float(length.max()):.4g}"
         )
-    return table
 
 
 def read_tables(folder: Path, expected: Iterable[Origin]) -> list[TrialTable]:
@@ -200,11 +215,13 @@ def _short(value: Any) -> str:
     return text if len(text) <= 40 else text[:12] + "..."
 
 
-def _words(codes: Tensor, words: tuple[str, ...]) -> pa.DictionaryArray:
+def dictionary(codes: Tensor, words: tuple[str, ...]) -> pa.DictionaryArray:
+    """A column of words from codes (M,) into them."""
     return pa.DictionaryArray.from_arrays(pa.array(codes.numpy().astype(np.int8)), pa.array(words))
 
 
-def _codes(path: Path, content: pa.Table, column: str, words: tuple[str, ...]) -> Tensor:
+def codes_in(path: Path, content: pa.Table, column: str, words: tuple[str, ...]) -> Tensor:
+    """(M,) int64 into `words`, of a column of them. Raises InputError for other words."""
     values = content[column].cast(pa.string())
     codes = pc.index_in(values, pa.array(words))
     if codes.null_count:
@@ -213,5 +230,6 @@ def _codes(path: Path, content: pa.Table, column: str, words: tuple[str, ...]) -
     return torch.from_numpy(codes.to_numpy().astype(np.int64))
 
 
-def _floats(content: pa.Table, columns: tuple[str, ...]) -> Tensor:
+def floats(content: pa.Table, columns: tuple[str, ...]) -> Tensor:
+    """(M, columns) float32."""
     return torch.from_numpy(np.column_stack([content[name].to_numpy() for name in columns]).astype(np.float32))

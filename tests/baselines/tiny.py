@@ -71,7 +71,7 @@ def tiny(folder: Path, trials_per_object: int = 1000) -> Data:
     for i in range(len(things)):
         held = rng.random(TRIALS) < np.where(grasp_type.numpy() == 0, 0.2, 0.5)
         poses = se3.random_poses(TRIALS, torch.Generator().manual_seed(i), extent=0.1)
-        tried.append(Tried(Grasps(poses, grasp_type), torch.from_numpy(held)))
+        tried.append(Tried(Grasps(poses, grasp_type), torch.from_numpy(np.where(held, 0, 3))))
         all_clouds.append(clouds(held, rng))
     for f in range(FOLDS):
         write_shards(folder, f, [i for i in range(len(things)) if fold[i] == f], things, tried, all_clouds)

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -10,6 +11,7 @@ import pytest
 from rich.console import Console
 
 from spgf_torch.config import (
+    JUDGE,
     NESTED,
     RANKINGS,
     AffordanceConfig,
@@ -201,6 +203,27 @@ def test_the_table_shows_the_paper_beside_ours(config: TrainConfig) -> None:
     text = console.export_text()
     assert "log_odds in 4 of 5 folds, paper in 1 of 5 folds" in text and "WPG 0.100 (as voted" in text
     assert "83.8" in text and "nested" in text and "100.0" in text and "…" not in text
+
+
+def test_a_judge_stands_beside_the_votes(config: TrainConfig) -> None:
+    """It knows the outcome of what it judges: nothing fails among its best, and p = 1 or 0 is calibrated."""
+    objects = [
+        replace(o, scores={**o.scores, JUDGE: np.where(o.collides, -1.0, o.success.astype(float))})
+        for o in novel_objects()
+    ]
+    results = build_results(objects, config, "d1")
+    assert results["by_ranking"][JUDGE]["all"]["CG"] == 1.0
+    nested = results["by_ranking"][NESTED]["all"]["CG"]
+    assert results["judge_minus_nested"]["mean"]["all"]["CG"] == pytest.approx(1 - nested)
+    block = results["calibration_by_ranking"][JUDGE]["NPG"]
+    free = sum(int((~o.collides & (o.grasp_type == 0)).sum()) for o in objects)
+    assert block == {"candidates": free, "brier": 0.0, "ece": 0.0}
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(tables.results_table(results))
+    text = console.export_text()
+    assert "judge" in text and "nested" in text and "…" not in text and max(map(len, text.splitlines())) <= 80
+    assert f"judge minus nested, CG, all: {100 * (1 - nested):+.1f} points" in tables.judge_lines(results)[1]
+    assert tables.judge_lines(build_results(novel_objects(), config, "d1")) == []
 
 
 def test_executed_results_keep_the_contract() -> None:

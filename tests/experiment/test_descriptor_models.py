@@ -47,7 +47,7 @@ def tried() -> Tried:
     """Forty poses within 10 cm of the brick, half of each type, half of which succeeded."""
     generator = torch.Generator().manual_seed(1)
     grasps = Grasps(se3.random_poses(40, generator, extent=0.1), torch.arange(2).repeat_interleave(20))
-    return Tried(grasps, torch.rand(40, generator=generator) < 0.5)
+    return Tried(grasps, (torch.rand(40, generator=generator) < 0.5).long())
 
 
 @pytest.fixture(scope="module")

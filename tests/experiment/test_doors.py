@@ -21,6 +21,7 @@ from spgf_torch.config import (
     EvaluateConfig,
     InputError,
     PredictConfig,
+    ReportConfig,
     SensingConfig,
     SimulateConfig,
     TrainConfig,
@@ -34,6 +35,12 @@ from spgf_torch.exporting.grasps_json import read_grasps
 from spgf_torch.exporting.isaac import read_isaac
 from spgf_torch.objects.library import load_objects
 from spgf_torch.predict import run as predict
+from spgf_torch.reporting.context import choose
+from spgf_torch.reporting.predictions import read_predictions
+from spgf_torch.reporting.rate_parts import table_part
+from spgf_torch.reporting.runs import load_runs
+from spgf_torch.reporting.sweep import find_sweep
+from spgf_torch.reporting.table1 import table1
 from spgf_torch.sensing.sense import sense
 from spgf_torch.simulate import run as simulate
 from spgf_torch.train import run as train
@@ -125,6 +132,34 @@ def test_the_same_settings_give_the_same_results(small: Path, monkeypatch: pytes
     assert {k: first[k] for k in first.keys() - cost} == {k: second[k] for k in second.keys() - cost}
     assert second["from_cache"]["features"] == len(NAMES) and not first["from_cache"]
     assert len({(run / "model.safetensors").read_bytes() for run in runs}) == 1
+
+
+def test_a_judge_joins_the_rankings(
+    small: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Under its own name, in all that a run leaves; the others stay as they are without it."""
+    monkeypatch.chdir(small)
+    Path("judged").mkdir()
+    asked = [*TINY, "ranking=judge", "final_model=false", "objects=objects", "trials=trials"]
+    Path("judged/config.yaml").write_text(yaml.safe_dump(composed("train", *asked)))
+    train(typed(TrainConfig, composed("train", *asked)), Path("judged"))
+    first, second = (json.loads((Path(run) / "results.json").read_text()) for run in ("outputs/train/latest", "judged"))
+    judged = second["by_ranking"].pop("judge")
+    assert second["by_ranking"] == first["by_ranking"] and "judge_minus_nested" not in first
+    assert second["success_rate"] == judged and second["random"]["all"]["WPG"] < judged["all"]["WPG"] <= 1
+    low, high = second["judge_minus_nested"]["interval95"]["all"]["CG"]
+    mean = judged["all"]["CG"] - second["by_ranking"]["nested"]["all"]["CG"]
+    assert second["judge_minus_nested"]["mean"]["all"]["CG"] == pytest.approx(mean, abs=1e-5) and low <= mean <= high
+    assert second["calibration"] == first["calibration"]
+    assert 0 < second["calibration_by_ranking"]["judge"]["WPG"]["ece"] < 0.5
+    printed = capsys.readouterr().out
+    assert "judge minus nested" in printed and "also knows unseen space" in printed
+    told: list[str] = []
+    context = choose(typed(ReportConfig, composed("report")), find_sweep(load_runs("judged", told.append)), told.append)
+    groups = table1(context.sweep.runs, context.rankings, context.shown)
+    assert "ranking: judge" in [group.heading for group in groups]
+    assert len(read_predictions(context.shown, "judge")) == len(NAMES) and not told
+    assert "knows more than the votes" in table_part(context, groups).section.body
 
 
 @pytest.mark.parametrize(

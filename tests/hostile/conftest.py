@@ -15,8 +15,8 @@ def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def model_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """The settings of the model are there, read and checked: tables of models have their own cases."""
-    monkeypatch.setattr("spgf_torch.predict.check_model", lambda folder: None)
-    monkeypatch.setattr("spgf_torch.affordance.model.model_settings", lambda folder: model_document()["settings"])
+    monkeypatch.setattr("spgf_torch.predict.model_and_judge", lambda model, judge: (Path(model), None))
+    monkeypatch.setattr("spgf_torch.predictor.model_settings", lambda folder: model_document()["settings"])
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -41,8 +41,8 @@ def test_one_line(
     monkeypatch.setattr(sys, "argv", [command, *overrides])
     module: Any = __import__(f"spgf_torch.{command}", fromlist=["run"])
     if command == "predict":
-        monkeypatch.setattr("spgf_torch.predict.check_model", lambda folder: None)
-        monkeypatch.setattr("spgf_torch.affordance.model.model_settings", _known)
+        monkeypatch.setattr("spgf_torch.predict.model_and_judge", lambda model, judge: (Path(model), None))
+        monkeypatch.setattr("spgf_torch.predictor.model_settings", _known)
     before = tree()
     with pytest.raises(SystemExit) as left, bounded():
         door(command, KINDS[command], module.run)

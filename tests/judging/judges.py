@@ -15,8 +15,10 @@ from spgf_torch.proposing.judge_features import NAMES
 
 def quick_judge(hand: str = "sdh2", **changes: Any) -> Judge:
     """Taught that grasps hold whose pads face what they meet, and are free away from what is seen."""
-    numbers = torch.rand(400, len(NAMES), generator=torch.Generator().manual_seed(0))
-    outcome = torch.where(numbers[:, NAMES.index("anti_max")] > 0.4, 0, 2)
+    draw = torch.Generator().manual_seed(0)
+    numbers = torch.rand(400, len(NAMES), generator=draw)
+    asked = 0.1 + 0.8 * torch.rand(400, generator=draw)  # so that more is always better
+    outcome = torch.where(numbers[:, NAMES.index("anti_max")] > asked, 0, 2)
     outcome[numbers[:, NAMES.index("worst_finger")] > 0.8] = 1
     same = torch.zeros(400, dtype=torch.int64)
     rows = Rows(numbers, outcome, same, same, same, same, same.bool(), same.float())

@@ -69,7 +69,7 @@ def test_the_profile_equals_a_slow_loop() -> None:
     generator = torch.Generator().manual_seed(0)
     T, points = se3.random_poses(20, generator, extent=0.02), 0.04 * torch.randn(60, 3, generator=generator)
     depths, region = torch.tensor([0.02, 0.0, -0.01]), SEARCH.hands[1].region
-    low, high, count = profile(T, points, depths, region)
+    low, high, count = profile(local(T, points), depths, region)
     for f, pose in enumerate(T):
         at = (points - pose[:3, 3]) @ pose[:3, :3]
         for d, depth in enumerate(depths.tolist()):

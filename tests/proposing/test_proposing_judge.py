@@ -1,5 +1,6 @@
 """A judge's arrays say what scikit-learn says; its files come back as they were, or are refused."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -196,3 +197,19 @@ def test_the_logistic_form_by_hand() -> None:
     assert form.log_odds(torch.tensor([[3.0], [1.0]])).tolist() == [3 * 1 + 0.5 * 1 + 0.25, 0.25]
     with pytest.raises(InputError):
         form.check(2)
+
+
+def test_calibration_keeps_the_order_and_the_product(judge: Judge, tmp_path: Path) -> None:
+    """By number of images, none is another's; the factors' product stays what is told; files bring it back."""
+    fresh = rows(200, seed=3).numbers
+    fresh[:, NAMES.index("views")] = torch.tensor([1.0, 4.0]).repeat(100)
+    doubting = replace(judge, calibration={"one": (0.5, 0.5, -1.0)})
+    before, after = judge.probability(fresh, True), doubting.probability(fresh, True)
+    assert torch.equal(before[1::2], after[1::2]) and (after[0::2] < before[0::2]).float().mean() > 0.5
+    expected = (0.5 * before[0::2].logit() - 1.0).sigmoid()
+    torch.testing.assert_close(after[0::2], expected, atol=1e-5, rtol=0)
+    assert torch.equal(before[0::2].argsort(stable=True), after[0::2].argsort(stable=True))
+    torch.testing.assert_close(torch.stack(doubting.both(fresh, True)).prod(0).float(), after)
+    assert torch.equal(doubting.probability(fresh, False), judge.probability(fresh, False))
+    save_judge(doubting, tmp_path)
+    assert torch.equal(load_judge(tmp_path).probability(fresh, True), after)

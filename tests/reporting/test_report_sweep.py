@@ -1,5 +1,6 @@
 """What belongs together: the sweep over K, variants beside it, and what they differ in."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,7 @@ import pytest
 
 from spgf_torch.config import InputError
 from spgf_torch.reporting.ablations import points
+from spgf_torch.reporting.context import tell_replaced
 from spgf_torch.reporting.runs import ObjectRow, Run
 from spgf_torch.reporting.sweep import difference, find_sweep
 
@@ -41,6 +43,14 @@ def test_runs_that_differ_in_k_alone_are_the_sweep() -> None:
 def test_of_equal_runs_the_newest_counts() -> None:
     sweep = find_sweep([made("1", 5), made("2", 10), made("3", 5, workers=8, objects="elsewhere", cache="off")])
     assert [(run.K, run.stamp) for run in sweep.runs] == [(5, "3"), (10, "2")] and not sweep.variants
+
+
+def test_a_judge_that_a_newer_run_hides_is_told() -> None:
+    older, newer, told = replace(made("1", 5), by_ranking={"judge": {}}), made("2", 5), []
+    tell_replaced([older, newer], find_sweep([older, newer]), told.append)
+    assert len(told) == 1 and "no ranking judge of K = 5: 1 has it" in told[0]
+    tell_replaced([newer, older], find_sweep([newer, older]), told.append)
+    assert len(told) == 1
 
 
 def test_of_two_groups_of_one_size_the_newest_is_the_sweep() -> None:

@@ -8,9 +8,10 @@ import torch
 import trimesh
 
 from spgf_torch.config import SensingConfig, settings
+from spgf_torch.geometry import se3
 from spgf_torch.sensing.cameras import Camera, surround
 from spgf_torch.sensing.sense import observe, observe_on_table, observe_views
-from spgf_torch.sensing.unseen import DepthView, behind, mean_direction
+from spgf_torch.sensing.unseen import DepthView, behind, behind_at, mean_direction
 
 K = np.array([[100.0, 0, 9.5], [0, 100.0, 7.5], [0, 0, 1]])
 SENSING = settings(SensingConfig, width=160, height=120, focal=144)
@@ -48,6 +49,27 @@ def test_equals_the_slow_loop() -> None:
     expected = np.array([slow(point, images) for point in points], np.float32)
     assert np.isfinite(expected).sum() > 50 and np.isinf(expected).sum() > 50
     np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_a_body_at_poses_equals_its_points() -> None:
+    """All but what is known well enough, which need not be the least; infinite in the same places."""
+    rng = np.random.default_rng(1)
+    generator = torch.Generator().manual_seed(1)
+    pose = np.eye(4)
+    pose[:3, :3] = trimesh.transformations.rotation_matrix(0.4, [1, 2, 3])[:3, :3]
+    images = [(rng.uniform(0.4, 0.6, (16, 20)), camera(where)) for where in (np.eye(4), pose)]
+    views = [DepthView.of(np.where(depth < 0.45, 0, depth), seen_by) for depth, seen_by in images]
+    T = se3.random_poses(30, generator, extent=0.03)
+    T[:, 2, 3] += 0.5
+    body = 0.04 * torch.randn(40, 3, generator=generator)
+    expected = behind((T[:, :3, :3] @ body.T).mT + T[:, None, :3, 3], views)
+    assert 50 < expected.isinf().sum() < expected.numel() - 50
+    for enough in (-1.0, 0.006, math.inf):
+        found = behind_at(T, body, views, enough)
+        assert torch.equal(found.isinf(), expected.isinf())
+        exact = expected > enough
+        torch.testing.assert_close(found[exact], expected[exact], atol=1e-5, rtol=0)
+        assert (found[~exact] <= enough).all()
 
 
 def test_by_hand() -> None:

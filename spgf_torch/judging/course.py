@@ -1,0 +1,195 @@
+"""From a hand and objects to its judge: random trials, clouds, rounds of trials of its own choosing, learning."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from omegaconf import OmegaConf
+
+from spgf_torch.cache import Cache
+from spgf_torch.config import InputError, JudgeConfig, find, plain
+from spgf_torch.evaluation.folds import stratified_folds
+from spgf_torch.experiment.tried import open_hand, tables_of
+from spgf_torch.judging.card import judge_card
+from spgf_torch.judging.clouds import training_clouds
+from spgf_torch.judging.fitting import fits
+from spgf_torch.judging.learning import calibration_of, judge_of, learn_judge
+from spgf_torch.judging.own_trials import OwnOrigin, OwnTrials, read_own, write_own
+from spgf_torch.judging.rounds import Workshop, own_round, own_rows, random_rows, random_tables
+from spgf_torch.judging.rows import Bench, Rows
+from spgf_torch.judging.survey import survey
+from spgf_torch.judging.validation import cross_validated, executed, validation_rows
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.progress import Stages
+from spgf_torch.proposing.clearance import Clearance
+from spgf_torch.proposing.hypotheses import Search
+from spgf_torch.proposing.judge import Judge, save_judge
+from spgf_torch.sealing import sealed_yaml
+from spgf_torch.threads import in_parts
+from spgf_torch.trials.attempts import Trials
+from spgf_torch.trials.hand import load_hand
+from spgf_torch.trials.runners import check_address, runner_of
+from spgf_torch.trials.table import TrialTable, table_path, write_table
+from spgf_torch.writing import write_bytes, write_text
+
+# Folders in a run's: random trials, where they were made, and those of the rounds.
+TRIALS, OWN_TRIALS = "trials", "own_trials"
+
+
+@dataclass(frozen=True)
+class Course:
+    """A hand's course on these objects.
+
+    Attributes:
+        fold: (objects,) of each: who chooses trials on it, and who is measured, has not seen it.
+        given: the trials of the rounds, where the settings name tables of them.
+    """
+
+    objects: Sequence[GraspObject]
+    fold: np.ndarray
+    shop: Workshop
+    given: list[OwnTrials] | None
+
+    @staticmethod
+    def of(objects: Sequence[GraspObject], config: JudgeConfig, cache: Cache, stages: Stages) -> Course:
+        """InputError where the settings, the objects and the tables do not go together."""
+        check_address(config.runner, config.address)
+        proposing = config.proposing
+        clearances = (proposing.plane_clearance, proposing.between, proposing.obstacle_clearance)
+        search = Search.of(Clearance(open_hand(config.hand), *clearances), config.hypotheses)
+        trials = Trials(load_hand(config.hand), config.episode)
+        runner = partial(runner_of, config.workers, config.time_limit, config.address)
+        shop, given = Workshop(trials, search, config, cache, stages, runner), None
+        fold = _folds(objects, config)
+        if config.own_trials is not None:
+            given = read_own(find(config.own_trials), [OwnOrigin.of(obj, trials, config) for obj in objects])
+        return Course(objects, fold, shop, given)
+
+    def tables(self) -> list[TrialTable]:
+        """The random trials on each object: of the tables that the settings name, or made here."""
+        config = self.shop.config
+        if config.trials is None:
+            return self.made_tables()
+        return tables_of(self.objects, config.trials, self.shop.trials, config.sampler)
+
+    def made_tables(self) -> list[TrialTable]:
+        """The random trials on each object, tried here."""
+        return random_tables(self.objects, self.shop)
+
+    def judge(self, tables: Sequence[TrialTable]) -> tuple[Judge, list[OwnTrials]]:
+        """The judge that random trials and those of the rounds teach, and the latter."""
+        benches = self._benches()
+        rows = Rows.together([self._surveyed(benches), random_rows(benches, tables, self.shop)])
+        if not len(rows) or not rows.success.any():
+            raise InputError(
+                f"candidates: expected random trials that hold, got none of {int(rows.tried.sum())} that sensed points "
+                "leave free; give more candidates, or objects that fit the hand"
+            )
+        own: list[OwnTrials] = []
+        for number in range(1, self.shop.config.rounds + 2):  # the last is that of validation
+            its = self.given or own_round(benches, self._judges(rows), self.fold, number, self.shop)
+            rows = Rows.together([rows, own_rows(benches, its, number, self.shop)])
+            own = [OwnTrials.together(parts) for parts in zip(own, its, strict=True)] if own else its
+        return self._learned(rows, benches), self.given or own
+
+    def _benches(self) -> list[Bench]:
+        """Each object with its clouds and, unless what was chosen of them is known, hypotheses."""
+        config, search = self.shop.config, self.shop.search
+        known = self.given is not None and not config.surveyed
+
+        def bench(index: int) -> Bench:
+            clouds = training_clouds(self.objects[index], config)
+            if known:
+                return Bench(index, self.objects[index], clouds, [], [])
+            return Bench.of(index, self.objects[index], clouds, search)
+
+        name = "clouds" if known else "hypotheses"
+        with self.shop.stages.stage(name, len(self.objects), "objects") as advance:
+            return [(advance(1), done)[1] for done in in_parts(bench, range(len(self.objects)))]
+
+    def _surveyed(self, benches: Sequence[Bench]) -> Rows:
+        """Rows of hypotheses whose freedom the meshes tell."""
+        shop = self.shop
+        with shop.stages.stage("survey", len(benches), "objects") as advance:
+            work = in_parts(lambda bench: survey(bench, shop.trials.hand, shop.search, shop.config), benches)
+            return Rows.together([(advance(1), rows)[1] for rows in work])
+
+    def _judges(self, rows: Rows) -> dict[int, Judge]:
+        """Of each fold one that has learned from the objects of the others."""
+        config, folds = self.shop.config, torch.from_numpy(self.fold)[rows.obj]
+        judges = {}
+        with self.shop.stages.stage("learning", config.folds, "judges") as advance:
+            for held_out in range(config.folds):
+                judges[held_out] = judge_of(learn_judge(rows.at(folds != held_out), config, ["images"]), [], config)
+                advance(1)
+        return judges
+
+    def _learned(self, rows: Rows, benches: Sequence[Bench]) -> Judge:
+        """The judge that all rows teach, with how others did on objects that they had not seen."""
+        config, shop = self.shop.config, self.shop
+        with shop.stages.stage("fit", len(benches), "objects") as advance:
+            work = in_parts(lambda bench: fits(bench.obj, shop.trials.hand, shop.search, config), benches)
+            fit = {bench.index: (advance(1), its)[1] for bench, its in zip(benches, work, strict=True)}
+        with shop.stages.stage("learning", config.folds + 1, "judges") as advance:
+            results: dict[str, Any] = {
+                "executed": executed(rows, benches, self.fold, fit, config),
+                "unfit": {
+                    name: [bench.obj.name for bench in benches if not fit[bench.index][on_table]]
+                    for name, on_table in (("alone", False), ("on a table", True))
+                },
+                "cross_validated": cross_validated(rows, benches, self.fold, config),
+                "rows": len(rows),
+                "trials": _counted(rows),
+            }
+            advance(config.folds)
+            judge = judge_of(learn_judge(rows, config), self.objects, config)
+            advance(1)
+        calibration = calibration_of(validation_rows(rows, config))
+        # How clouds were sensed, too: a judge alone tells predict the spacing of texlets.
+        settings = {**judge.settings, "sensing": plain(config.sensing)}
+        return replace(judge, results=results, settings=settings, calibration=calibration)
+
+    def save(self, judge: Judge, own: Sequence[OwnTrials], folder: Path, card: str) -> int:
+        """Write the judge, its card by the name `card`, and the trials of the rounds; bytes of the judge's arrays."""
+        size = save_judge(judge, folder)
+        write_text(folder / card, judge_card(judge, self.shop.config, size))
+        if self.given is None:
+            (folder / OWN_TRIALS).mkdir()
+            for its in own:
+                write_own(folder / OWN_TRIALS, its)
+        return size
+
+
+def write_tables(tables: Sequence[TrialTable], folder: Path) -> None:
+    """Random trials that were made, as `simulate` would leave them in `folder`."""
+    folder.mkdir()
+    made = {key: getattr(tables[0].origin, key) for key in ("candidates", "seed", "sampler", "episode")}
+    write_bytes(folder / "config.yaml", sealed_yaml(OmegaConf.to_yaml(OmegaConf.create(made))))
+    for table in tables:
+        write_table(table_path(folder, table.object_name), table)
+
+
+def _folds(objects: Sequence[GraspObject], config: JudgeConfig) -> np.ndarray:
+    """The fold (objects,) of each; InputError where there are fewer objects than folds."""
+    if len(objects) < config.folds:
+        raise InputError(
+            f"objects: expected one at least for each of the folds ({config.folds}), got {len(objects)} in "
+            f"{config.objects}; more objects, or folds={max(2, len(objects))}"
+        )
+    return stratified_folds([obj.category for obj in objects], config.folds, config.seed)
+
+
+def _counted(rows: Rows) -> dict[str, Any]:
+    """How many trials taught, of random ones by rows, and of the rounds at home."""
+    return {
+        "surveyed_rows": int((~rows.tried).sum()),
+        "random_rows": int((rows.tried & (rows.round == 0)).sum()),
+        "own": int(rows.home.sum()),
+        "own_held": int((rows.home & rows.success).sum()),
+    }

@@ -1,0 +1,53 @@
+"""The settings of a judge that `train` learns: those of the run itself, the others as conf/judge.yaml has them."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from spgf_torch.config import InputError, JudgeConfig, TrainConfig, plain, root, typed
+
+
+def judge_settings(config: TrainConfig) -> JudgeConfig:
+    """Keys that both commands have are the run's, `config.judging` changes others, the rest is conf/judge.yaml's.
+
+    Raises InputError for a key in `judging` that does not exist, or that is the run's own.
+    """
+    run, own = plain(config), {entry.name for entry in fields(JudgeConfig)}
+    shared = {name: value for name, value in run.items() if name in own}
+    for name in config.judging:
+        if name in shared:
+            raise InputError(f"judging.{name}: expected a key that train has not, got {name}, which is the run's own")
+    try:
+        values = OmegaConf.merge(OmegaConf.create(_defaults(own)), OmegaConf.create(dict(config.judging)))
+        return typed(JudgeConfig, {**OmegaConf.to_container(values), **shared})  # type: ignore[dict-item]
+    except InputError as error:
+        raise InputError(f"judging.{error}") from None
+
+
+def stages(config: JudgeConfig, tried: bool) -> list[tuple[str, float]]:
+    """The stages of learning a judge, each with its share of the work; `tried`: random trials are given."""
+    plan = [] if tried else [("trials", _SHARES["random"] * config.candidates)]
+    plan.append(("hypotheses", _SHARES["hypotheses"]))
+    for number in range(1, config.rounds + 1 if config.own_trials is None else 1):
+        chosen = 2 * (config.one_view + config.four_views) * (config.best + config.random)
+        plan += [("rows", _SHARES["rows"]), ("learning", number * _SHARES["learning"])]
+        plan.append(("trials", _SHARES["chosen"] * chosen))
+    return [*plan, ("rows", _SHARES["rows"]), ("learning", 2 * (config.rounds + 1) * _SHARES["learning"])]
+
+
+# Processor seconds an object, of the Panda: of a candidate of each type, of clouds and hypotheses, of a trial that a
+# judge chose, of describing trials, of learning from the trials of one round.
+_SHARES = {"random": 0.02, "hypotheses": 1.7, "chosen": 0.027, "rows": 0.05, "learning": 0.1}
+# The same of a votes' model.
+VOTES = [("sensing", 0.2), ("features", 0.1), ("particles", 0.1), ("prototypes", 0.8), ("voting", 0.3)]
+
+
+def _defaults(keys: set[str]) -> dict[str, Any]:
+    """What conf/judge.yaml says, with the rooms that it names."""
+    values: Any = OmegaConf.to_container(OmegaConf.load(root() / "conf/judge.yaml"))
+    rooms = {room: file for entry in values.pop("defaults") if isinstance(entry, dict) for room, file in entry.items()}
+    loaded = {room: OmegaConf.load(root() / f"conf/{room}/{rooms[room]}.yaml") for room in keys & rooms.keys()}
+    return {**{key: values[key] for key in keys & values.keys()}, **loaded}

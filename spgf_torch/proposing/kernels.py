@@ -1,0 +1,79 @@
+"""Compiled loops over the points about open hands: what is near their pieces, and what lies between their pads."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from spgf_torch.compiled import compiled
+
+Floats = NDArray[np.float32]
+Ids = NDArray[np.int64]
+
+
+@compiled
+def nearest_piece(at: Floats, normals: Floats, offsets: Floats, least: Floats) -> None:
+    """Lower `least` (G,) to the least signed distance of pieces to points at (G, 3, N).
+
+    A piece has faces normals (P, F, 3), offsets (P, F, 1); the distance to it is that to the plane of the farthest.
+    """
+    closest, beyond = np.empty(at.shape[2], np.float32), np.empty(at.shape[2], np.float32)
+    for g in range(len(at)):
+        x, y, z = at[g, 0], at[g, 1], at[g, 2]
+        closest[:] = least[g]
+        for p in range(len(normals)):
+            beyond[:] = -np.inf
+            for f in range(normals.shape[1]):
+                a, b, c, offset = normals[p, f, 0], normals[p, f, 1], normals[p, f, 2], offsets[p, f, 0]
+                for i in range(len(beyond)):
+                    beyond[i] = max(beyond[i], a * x[i] + b * y[i] + c * z[i] - offset)
+            for i in range(len(closest)):
+                closest[i] = min(closest[i], beyond[i])
+        for i in range(len(closest)):
+            least[g] = min(least[g], closest[i])
+
+
+@compiled
+def pad_numbers(at: Floats, cosine: Floats, limits: Floats, numbers: Floats) -> None:
+    """Into numbers (G, 11): `judge_features.PADS` and reach, of points at (G, 3, N) of cosines (G, N) with x.
+
+    limits (8,): half, height, low and high of the closing region; m behind the TCP that the fingers reach; m of a pad's
+    depth; the cosine of the friction cone's edge; the cosine from which on a normal faces a pad.
+    """
+    half, height, low, high, behind, depth, edge, facing = limits
+    on = np.empty(at.shape[2], np.int64)
+    for g in range(len(at)):
+        x, y, z = at[g, 0], at[g, 1], at[g, 2]
+        nearest, count, left, right, total = high, 0, np.float32(np.inf), np.float32(-np.inf), 0.0
+        for i in range(len(x)):
+            if abs(y[i]) < height and abs(x[i]) < half and z[i] < high and z[i] > -behind:
+                nearest = min(nearest, z[i])
+            if abs(y[i]) < height and abs(x[i]) < half and z[i] < high and z[i] > low:
+                on[count] = i
+                count += 1
+                left, right, total = min(left, x[i]), max(right, x[i]), total + z[i]
+        numbers[g] = 0
+        numbers[g, 10] = high - nearest
+        if count == 0:
+            continue
+        within, cosines, members, both = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+        for k in range(count):
+            i = on[k]
+            for side in range(2):
+                sign = np.float32(1 - 2 * side)
+                towards = sign * cosine[g, i]
+                if sign * x[i] > (right if side == 0 else -left) - depth:
+                    members[side] += 1
+                    cosines[side] += towards
+                    within[side] += min(max((towards - edge) / (np.float32(1) - edge), np.float32(0)), np.float32(1))
+                both[side] += towards > facing
+        for side in range(2):
+            within[side] /= members[side]
+            cosines[side] /= members[side]
+        numbers[g, 0] = np.log1p(count)
+        numbers[g, 1] = (right - left) / (np.float32(2) * half)
+        numbers[g, 2] = abs(right + left) / np.float32(2)
+        numbers[g, 3] = total / count
+        numbers[g, 4], numbers[g, 5] = within.min(), within.max()
+        numbers[g, 6], numbers[g, 7] = cosines.min(), cosines.max()
+        numbers[g, 8], numbers[g, 9] = both.min() > 0, np.log1p(both.min())

@@ -1,0 +1,205 @@
+"""Compiled loops of the search for hypotheses: hands pushed forward until they touch something.
+
+Exact decisions are those of `sensed_collision.touched`; what is far from a hand is passed over by its place in the
+hand's frame, with room for rounding.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from spgf_torch.affordance.sensed_collision import HandVolume
+from spgf_torch.compiled import compiled
+
+Floats = NDArray[np.float32]
+Doubles = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ids = NDArray[np.int64]
+# Convex pieces: bounds (2, 3), planes (F, 4), where each piece's planes end, and cells (X, Y, Z) that they may reach
+# into, of which the outermost are empty.
+Pieces = tuple[Doubles, Doubles, Ids, Bools]
+# Points as columns (3, N), and what may not touch them.
+Things = tuple[Floats, Pieces]
+# Those of the points that a volume may touch near one pose: coordinates (3, N) in its frame, in cells; indices (N,);
+# and (2,) how many, -1 before they are looked for, and which of them was touched last.
+Near = tuple[Floats, Ids, Ids]
+
+# m; by so much a point's f32 coordinates in a hand's frame may be off.
+ROOM = 1e-4
+# m; side of the cells.
+CELL = 0.004
+SCALE = np.float32(1 / CELL)
+
+
+def pieces_of(volume: HandVolume) -> Pieces:
+    """A volume as the loops below take it."""
+    bounds = torch.stack([volume.low, volume.high]).double().cpu().numpy()
+    shape = np.ceil((bounds[1] - bounds[0] + 2 * ROOM) / CELL).astype(int)
+    middles = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1) + 0.5
+    middles = (bounds[0] - ROOM + CELL * middles).reshape(-1, 3)
+    cells = np.zeros(len(middles), np.bool_)
+    each = [piece.double().cpu().numpy() for piece in volume.planes]
+    for planes in each:
+        size = np.abs(planes[:, :3]).sum(axis=1) * (CELL / 2 + 2 * ROOM)
+        cells |= (middles @ planes[:, :3].T <= planes[:, 3] + size).all(axis=1)
+    return bounds, np.concatenate(each), np.cumsum([len(planes) for planes in each]), np.pad(cells.reshape(shape), 1)
+
+
+@compiled
+def extents(at: Floats, edges: Floats, first: Floats, last: Floats, low: Floats, high: Floats, count: Ids) -> None:
+    """Least and greatest x (F, D), and number, of the points at (F, 3, N) that lie between each pair of planes.
+
+    Those with |x| and |y| below edges (2,), and z between first[k] and last[k] (D,).
+    """
+    on = np.empty(at.shape[2], np.int64)
+    for f in range(len(at)):
+        x, y, z = at[f, 0], at[f, 1], at[f, 2]
+        between = 0
+        for i in range(len(x)):  # without a branch, which would be guessed wrong half of the time
+            on[between] = i
+            between += (abs(y[i]) < edges[1]) & (abs(x[i]) < edges[0])
+        for i in on[:between]:
+            for k in range(len(first)):
+                if z[i] > first[k] and z[i] < last[k]:
+                    low[f, k], high[f, k] = min(low[f, k], x[i]), max(high[f, k], x[i])
+                    count[f, k] += 1
+
+
+@compiled
+def deepest_free(
+    T: Floats, where: Floats, possible: Bools, back: int, things: tuple[Things, Things], kept: Bools
+) -> None:
+    """Mark in kept (F, D, P) the first place along D that is possible and touches nothing, and the one `back` after it.
+
+    Hands have the rotations of T (F, 4, 4) and stand at where (F, D, P, 3); the latter one too is only marked where it
+    is possible and touches nothing.
+    """
+    D, P = possible.shape[1:]
+    offset, box = np.empty((D, P, 3)), np.empty((2, 3))
+    near = (room_for(things[0]), room_for(things[1]))
+    for f in range(len(T)):
+        if not offsets_of(T[f], where[f], possible[f], offset, box):
+            continue
+        for t in range(2):
+            near[t][2][:] = -1, 0
+        for p in range(P):
+            for k in range(D):
+                if possible[f, k, p] and free_at(T[f], where[f, k, p], offset[k, p], box, things, near):
+                    kept[f, k, p] = True
+                    k += back
+                    if k < D and possible[f, k, p]:
+                        kept[f, k, p] = free_at(T[f], where[f, k, p], offset[k, p], box, things, near)
+                    break
+
+
+@compiled
+def room_for(things: Things) -> Near:
+    """Arrays for as many as there are."""
+    count = things[0].shape[1]
+    return np.empty((3, count), np.float32), np.empty(count, np.int64), np.empty(2, np.int64)
+
+
+@compiled
+def offsets_of(pose: Floats, where: Floats, possible: Bools, offset: Doubles, box: Doubles) -> bool:
+    """Places (D, P, 3) in the axes of a pose (4, 4), and the box (2, 3) of those that are possible; none: False."""
+    box[0], box[1] = np.inf, -np.inf
+    for k in range(possible.shape[0]):
+        for p in range(possible.shape[1]):
+            if possible[k, p]:
+                for axis in range(3):
+                    along = 0.0
+                    for j in range(3):
+                        along += pose[j, axis] * (where[k, p, j] - pose[j, 3])
+                    offset[k, p, axis] = along
+                    box[0, axis], box[1, axis] = min(box[0, axis], along), max(box[1, axis], along)
+    return box[0, 0] <= box[1, 0]
+
+
+@compiled
+def free_at(
+    pose: Floats, place: Floats, offset: Doubles, box: Doubles, things: tuple[Things, Things], near: tuple[Near, Near]
+) -> bool:
+    """Whether hands at a place, `offset` from their pose in its axes, touch nothing."""
+    for t in range(2):
+        if near[t][2][0] < 0:
+            gather(pose, box, things[t], near[t])
+        if touching(pose, place, offset, things[t], near[t]):
+            return False
+    return True
+
+
+@compiled
+def gather(pose: Floats, box: Doubles, things: Things, near: Near) -> None:
+    """Those that the volume may touch at places within the box (2, 3) about the pose, in its axes."""
+    columns, (bounds, _, _, _) = things
+    coordinates, ids, state = near
+    low, high = np.empty(3, np.float32), np.empty(3, np.float32)
+    for axis in range(3):
+        low[axis], high[axis] = bounds[0, axis] + box[0, axis] - ROOM, bounds[1, axis] + box[1, axis] + ROOM
+    x, y, z = coordinates
+    a, b, c = columns
+    for axis in range(3):
+        along = coordinates[axis]
+        r0, r1, r2 = pose[0, axis], pose[1, axis], pose[2, axis]
+        t0, t1, t2 = pose[0, 3], pose[1, 3], pose[2, 3]
+        for i in range(len(a)):
+            along[i] = r0 * (a[i] - t0) + r1 * (b[i] - t1) + r2 * (c[i] - t2)
+    count = 0
+    for i in range(len(a)):
+        x0, y0, z0 = x[i], y[i], z[i]
+        x[count], y[count], z[count], ids[count] = x0 * SCALE, y0 * SCALE, z0 * SCALE, i
+        count += (
+            (x0 > low[0]) & (x0 < high[0]) & (y0 > low[1]) & (y0 < high[1]) & (z0 > low[2]) & (z0 < high[2])
+        )  # without a branch, which would be guessed wrong half of the time
+    state[0], state[1] = count, 0
+
+
+@compiled
+def touching(pose: Floats, place: Floats, offset: Doubles, things: Things, near: Near) -> bool:
+    """Whether the volume touches one of those near; looked for from the one that it touched last: it often still is."""
+    columns, (bounds, planes, end, cells) = things
+    coordinates, ids, state = near
+    x0 = np.float32((bounds[0, 0] + offset[0] - ROOM) / CELL - 1)
+    y0 = np.float32((bounds[0, 1] + offset[1] - ROOM) / CELL - 1)
+    z0 = np.float32((bounds[0, 2] + offset[2] - ROOM) / CELL - 1)
+    x1, y1, z1 = np.float32(cells.shape[0] - 1), np.float32(cells.shape[1] - 1), np.float32(cells.shape[2] - 1)
+    nothing = np.float32(0)
+    m = state[1]
+    for _ in range(state[0]):
+        x = min(max(coordinates[0, m] - x0, nothing), x1)
+        y = min(max(coordinates[1, m] - y0, nothing), y1)
+        z = min(max(coordinates[2, m] - z0, nothing), z1)
+        maybe = cells[np.uint32(x), np.uint32(y), np.uint32(z)]
+        if maybe and inside(pose, place, columns[:, ids[m]], bounds, planes, end):
+            state[1] = m
+            return True
+        m = m + 1 if m + 1 < state[0] else 0
+    return False
+
+
+@compiled
+def inside(pose: Floats, place: Floats, point: Floats, bounds: Doubles, planes: Doubles, end: Ids) -> bool:
+    """Whether a point lies in a volume at a place with a pose's rotation: the arithmetic of `touched`, in f64."""
+    a = np.float64(point[0]) - np.float64(place[0])
+    b = np.float64(point[1]) - np.float64(place[1])
+    c = np.float64(point[2]) - np.float64(place[2])
+    x = np.float64(pose[0, 0]) * a + np.float64(pose[1, 0]) * b + np.float64(pose[2, 0]) * c
+    y = np.float64(pose[0, 1]) * a + np.float64(pose[1, 1]) * b + np.float64(pose[2, 1]) * c
+    z = np.float64(pose[0, 2]) * a + np.float64(pose[1, 2]) * b + np.float64(pose[2, 2]) * c
+    if x < bounds[0, 0] or x > bounds[1, 0] or y < bounds[0, 1] or y > bounds[1, 1]:
+        return False
+    if z < bounds[0, 2] or z > bounds[1, 2]:
+        return False
+    first = 0
+    for last in end:
+        within = True
+        for f in range(first, last):
+            if planes[f, 0] * x + planes[f, 1] * y + planes[f, 2] * z > planes[f, 3]:
+                within = False
+                break
+        if within:
+            return True
+        first = last
+    return False

@@ -1,0 +1,157 @@
+"""Tables of trials that judges chose: the same bits come back, others are refused, and a judge is learned from them."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+from test_judging import OBJECTS, config
+
+from spgf_torch.config import InputError, JudgeConfig, TrainConfig, plain, typed
+from spgf_torch.geometry.se3 import random_poses
+from spgf_torch.judge import run as learn
+from spgf_torch.judging.own_trials import CHOICE, OwnOrigin, OwnTrials, read_own, write_own
+from spgf_torch.judging.rows import PICKED, Chosen
+from spgf_torch.judging.settings import judge_settings
+from spgf_torch.proposing.hypotheses import Hypotheses
+from spgf_torch.train import run as train
+from spgf_torch.trials import runners
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def own() -> OwnTrials:
+    """Two rounds of made-up trials on one object."""
+    made = config("rounds=2")
+    choice = {key: getattr(made, key) for key in CHOICE}
+    origin = OwnOrigin("egg", "1" * 64, "2" * 64, plain(made.episode), choice, plain(made.sensing))
+    generator = torch.Generator().manual_seed(0)
+    parts = []
+    for number in (1, 2):
+        poses = Hypotheses(random_poses(5, generator), torch.tensor([0, 1, 0, 1, 1]))
+        rank = torch.tensor([0, 1, 2, PICKED, PICKED])
+        chosen = Chosen(poses, torch.tensor([0, 1, 2, 3, 3]), rank, torch.rand(5, generator=generator))
+        parts.append(replace(OwnTrials.of(origin, chosen, number), outcome=torch.arange(5) + number - 1))
+        assert torch.allclose(parts[-1].chosen.poses.T, poses.T, atol=1e-6)
+    return OwnTrials.together(parts)
+
+
+def test_a_table_comes_back_bit_by_bit(own: OwnTrials, tmp_path: Path) -> None:
+    write_own(tmp_path, own)
+    back = read_own(tmp_path, [own.origin])[0]
+    assert back.origin == own.origin and back.round.tolist() == [1] * 5 + [2] * 5
+    for number in (1, 2):
+        a, b = own.at_round(number), back.at_round(number)
+        assert torch.equal(a.chosen.poses.T, b.chosen.poses.T) and torch.equal(a.outcome, b.outcome)
+        assert torch.equal(a.probability, b.probability) and torch.equal(a.rank, b.rank)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"hand_digest": "0" * 64}, ["hand_digest"]),
+        ({"object_digest": "0" * 64}, ["object_digest"]),
+        ({"judging": {"best": 4}}, ["judging.best", "4", "3"]),
+        ({"sensing": {"width": 320}}, ["sensing.width", "320", "160"]),
+    ],
+)
+def test_tables_of_something_else_are_refused(own: OwnTrials, tmp_path: Path, change: dict, words: list[str]) -> None:
+    write_own(tmp_path, own)
+    values = {key: {**getattr(own.origin, key), **v} if isinstance(v, dict) else v for key, v in change.items()}
+    with pytest.raises(InputError) as error:
+        read_own(tmp_path, [replace(own.origin, **values)])
+    assert all(word in str(error.value) for word in ["egg.parquet", *words]), error.value
+
+
+def test_damaged_tables_are_refused(own: OwnTrials, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"egg\.parquet: expected a table .* no such file"):
+        read_own(tmp_path, [own.origin])
+    for name, values in (("rank", [7] * 10), ("cloud", [9] * 10), ("probability", [1.5] * 10), ("round", [4] * 10)):
+        write_own(tmp_path, replace(own, **{name: torch.tensor(values)}))
+        with pytest.raises(InputError, match=rf"expected {name} from"):
+            read_own(tmp_path, [own.origin])
+    write_own(tmp_path, own)
+    path = tmp_path / "egg.parquet"
+    content = bytearray(path.read_bytes())
+    content[200] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="damaged or edited"):
+        read_own(tmp_path, [own.origin])
+    shutil.copy(ROOT / "data/trials/egg.parquet", path)
+    with pytest.raises(InputError, match=r"egg\.parquet: expected a table of trials that judges chose"):
+        read_own(tmp_path, [own.origin])
+
+
+def test_a_judge_from_tables_is_that_of_the_run_to_the_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In two processes, or none at all: without physics from the tables that the first call left."""
+    monkeypatch.chdir(tmp_path)
+    Path("objects").mkdir()
+    for name in OBJECTS[:2]:
+        shutil.copy(ROOT / f"data/objects/{name}.yaml", "objects")
+    few = ["objects=objects", "four_views=0", "candidates=8", "best=2", "random=1", "cache=off"]
+    for run in ("first", "second"):
+        Path(run).mkdir()
+    learn(config(*few), Path("first"))
+    monkeypatch.setattr("spgf_torch.judging.trying.execute", None)
+    learn(config(*few, "trials=first/trials", "own_trials=first/own_trials"), Path("second"))
+    assert {path.name for path in Path("second").iterdir()} == {"judge.json", "judge.safetensors", "README.md"}
+    for name in ("judge.json", "judge.safetensors", "README.md"):
+        assert Path("first", name).read_bytes() == Path("second", name).read_bytes()
+
+
+def composed(command: str, *overrides: str) -> dict:
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        values = OmegaConf.to_container(compose(command, overrides=list(overrides)), resolve=True)
+    return values  # type: ignore[return-value]
+
+
+def test_train_learns_with_the_settings_of_judge() -> None:
+    shared = ["hand=panda", "seed=3", "objects=here", "sensing.width=160"]
+    its = judge_settings(typed(TrainConfig, composed("train", "K=3", *shared, "+judging.rounds=3")))
+    assert its == typed(JudgeConfig, composed("judge", *shared, "rounds=3", "trials=data/trials"))
+    for key, words in (("rouds", ["judging", "rounds"]), ("seed", ["judging.seed", "run's own"])):
+        with pytest.raises(InputError) as error:
+            judge_settings(typed(TrainConfig, composed("train", "K=3", f"+judging.{key}=1")))
+        assert all(word in str(error.value) for word in words), error.value
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["own_trials=data/trials"], ["own_trials", "judge=learn"]),
+        (["+judging.rounds=1"], ["judging", "judge=learn"]),
+        (["judge=learn", "own_trials=nowhere"], ["own_trials", "nowhere"]),
+        (["hand=panda", "objects=objects"], ["hand_digest"]),  # made only for a judge
+        (
+            ["hand=panda", "judge=learn", "trials=tables", "objects=objects"],
+            ["hand_digest"],
+        ),  # not where they are given
+    ],
+)
+def test_what_train_refuses(
+    overrides: list[str], words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("objects", "run"):
+        Path(name).mkdir()
+    for name in OBJECTS:
+        shutil.copy(ROOT / f"data/objects/{name}.yaml", "objects")
+    Path("tables").symlink_to(ROOT / "data/trials")
+    with pytest.raises(InputError) as error:
+        train(typed(TrainConfig, composed("train", "K=3", "folds=2", "cache=off", *overrides)), Path("run"))
+    assert "\n" not in str(error.value) and all(word in str(error.value) for word in words), error.value
+    assert not list(Path("run").iterdir())
+
+
+def test_rounds_run_where_simulate_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runners, "Dask", lambda address, limit: (address, limit))
+    assert runners.runner_of(0, 7.0, "tcp://there:1") == ("tcp://there:1", 7.0)
+    assert isinstance(runners.runner_of(1), runners.Here)
+    local = runners.runner_of(3, 7.0)
+    assert isinstance(local, runners.Local) and (local.workers, local.limit) == (3, 7.0)
+    with pytest.raises(InputError, match="address: expected that of a Dask scheduler with runner=dask"):
+        runners.check_address("dask", None)

@@ -1,0 +1,52 @@
+"""What moved a judge: a logistic form whose answer is known by hand."""
+
+import math
+
+import pytest
+import torch
+
+from spgf_torch.exporting.weighed_words import weighed_words
+from spgf_torch.proposing.judge import KNOWN, Judge
+from spgf_torch.proposing.judge_features import NAMES
+from spgf_torch.proposing.trees import Logistic
+from spgf_torch.proposing.weighing import Numbers, Weight, weighed
+
+
+def form(weights: dict[str, float], baseline: float, names: tuple[str, ...]) -> Logistic:
+    count, weight = len(names), torch.zeros(2 * len(names)).double()
+    for name, value in weights.items():
+        weight[names.index(name)] = value
+    return Logistic(torch.zeros(count).double(), torch.ones(count).double(), weight, torch.tensor([baseline]).double())
+
+
+def judge(weights: dict[str, float]) -> Judge:
+    """P(free) is 1 for all that matters; P(holds | free) has these log-odds."""
+    factors = {(known, "free"): form({}, 40.0, names) for known, names in KNOWN.items()}
+    return Judge(factors | {(known, "holds"): form(weights, 0.0, names) for known, names in KNOWN.items()}, {}, 0.8)
+
+
+def test_numbers_are_weighed_against_the_usual() -> None:
+    """Log-odds 2 width - 3 anti_min: width 0.5 for 0.2 adds 0.6, anti_min 0.1 for 0.5 adds 1.2; the rest nothing."""
+    values, usual = torch.zeros(len(NAMES)), torch.zeros(len(NAMES))
+    values[NAMES.index("width")], usual[NAMES.index("width")] = 0.5, 0.2
+    values[NAMES.index("anti_min")], usual[NAMES.index("anti_min")] = 0.1, 0.5
+    values[NAMES.index("palm")] = 1.0
+    for images in (True, False):
+        (found,) = weighed(judge({"width": 2.0, "anti_min": -3.0}), [Numbers(values, usual, images)])
+        assert [weight.name for weight in found] == ["anti_min", "width"]
+        assert [weight.moved for weight in found] == pytest.approx([1.2, 0.6], abs=1e-4)
+        assert found[1].value == 0.5 and math.isclose(found[1].usual, 0.2, abs_tol=1e-6)
+
+
+def test_words_have_units() -> None:
+    weights = [Weight("worst_finger", 0.12, 0.4, 1.0), Weight("margin", 0.006, 0.004, -0.5), Weight("type", 0, 1, 0.2)]
+    assert weighed_words(weights) == (
+        "+ unseen space in the worse finger 12 % (usual 40 %); - nearest point to the hand 6 mm (usual 4 mm); "
+        "+ grasp type NPG (usual WPG)"
+    )
+    assert weighed_words([Weight("new", 0.5, 0.25, 1.0)]) == "+ new 0.50 (usual 0.25)"
+
+
+def test_every_number_has_words() -> None:
+    for name in NAMES:
+        assert not weighed_words([Weight(name, 0.0, 1.0, 1.0)]).startswith(f"+ {name} "), name
