@@ -20,7 +20,6 @@ from safetensors.torch import load_file, save
 from torch import Tensor
 
 from spgf_torch.affordance.calibration import TERMS, Calibration, uncalibrated
-from spgf_torch.affordance.lattice import Kernel, Lattice, gaussian_kernel
 from spgf_torch.affordance.neighbourhood import Condensed, condense
 from spgf_torch.affordance.pairs import CellPairs, lattice_of, points_of, shape_grasp_particles
 from spgf_torch.affordance.voting import Votes, VotingIndex, cast_votes
@@ -35,6 +34,7 @@ from spgf_torch.config import (
     typed,
 )
 from spgf_torch.features.descriptors import width
+from spgf_torch.geometry.lattice import Kernel, Lattice, gaussian_kernel
 from spgf_torch.reading import existing, json_values, unreadable
 from spgf_torch.sealing import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
 from spgf_torch.writing import write_bytes

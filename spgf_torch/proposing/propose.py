@@ -262,8 +262,6 @@ class Proposer:
         first = voters.first(n)
         shrinkage = self.config.vote_shrinkage * len(first) / max(1, len(voters))
         affordance = replace(self.affordance, vote_shrinkage=shrinkage)
-        if T.device.type != "cpu":
-            return self.judged(self.votes(T, grasp_type, first), grasp_type, affordance).log_odds
         found = polled(self.index, self.gains, first.T_object_feature, first.prototype, T, grasp_type)
         return shrunk_mean(found.worth, found.votes, affordance)
 

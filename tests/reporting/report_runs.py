@@ -11,7 +11,6 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from spgf_torch.affordance.calibration import TERMS, Calibration
-from spgf_torch.affordance.lattice import Lattice
 from spgf_torch.affordance.model import GraspModel, save_model
 from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.cli import slug
@@ -19,6 +18,7 @@ from spgf_torch.config import RANKINGS, TrainConfig, plain, typed
 from spgf_torch.evaluation.files import FILES, RESULTS, write_per_object, write_predictions, write_results
 from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.results import build_results
+from spgf_torch.geometry.lattice import Lattice
 from spgf_torch.sealing import KEY
 
 ROOT = Path(__file__).parents[2]

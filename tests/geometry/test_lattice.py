@@ -5,8 +5,8 @@ import math
 import pytest
 import torch
 
-from spgf_torch.affordance.lattice import Lattice, gaussian_kernel
 from spgf_torch.geometry import se3
+from spgf_torch.geometry.lattice import Lattice, gaussian_kernel
 
 LATTICE = Lattice(reach=0.05, voxel=0.01, rotation_deg=30.0)
 

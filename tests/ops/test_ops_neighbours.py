@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from spgf_torch.config import InputError
-from spgf_torch.geometry import neighbours
-from spgf_torch.geometry.neighbours import Neighbourhoods, radius_pairs
+from spgf_torch.ops import neighbours
+from spgf_torch.ops.neighbours import Neighbourhoods, radius_pairs
 
 
 def loop_pairs(points: torch.Tensor, radius: float) -> list[tuple[int, int]]:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from spgf_torch.config import FeatureConfig, settings
-from spgf_torch.features.grid import GAPS, organise, rings, smooth, triangle
+from spgf_torch.ops.grid import GAPS, Ring, organise, rings, smooth, triangle
 
 RIGHT = math.pi / 2
 
@@ -136,8 +135,8 @@ def test_perpendicular_by_a_hair_too_much_is_not_above_a_gap():
 def test_rings_of_several_features_are_those_of_each():
     generator = torch.Generator().manual_seed(0)
     angles = torch.rand((3, 40), generator=generator, dtype=torch.float64) * 3 - 1
-    start, config = torch.tensor([0, 12, 12, 40]), settings(FeatureConfig)
-    found, valid = rings(start, angles, config)
+    start = torch.tensor([0, 12, 12, 40])
+    found, valid = rings(start, angles, Ring(36, 6, 2), "saturated")
     assert valid.tolist() == [True, False, True]
     for feature, (a, b) in enumerate([(0, 12), (12, 12), (12, 40)]):
         grid = np.zeros((2, 36, 3))

@@ -1,4 +1,4 @@
-"""Reference frames and pairwise spatial relations (paper, section 3.1.1, Eqs. 2-4).
+"""Reference frames and pairwise spatial relations (paper, section 3.1.1, Eqs. 2-4), for the operator `describe`.
 
 The paper writes the angles with d = X1 - X2, from the neighbour to the centre, and with acos. Here they are the same
 angles of l = X2 - X1, the neighbour as seen in the centre's frame (R_x, R_y, n1), in metres, and written with atan2,
@@ -81,6 +81,58 @@ def relations(pairs: Pairs, frames: Tensor) -> Tensor:
     angles = torch.atan2(sides[0], sides[1])  # in one call torch takes some 2 ns an angle, the C library 40
     angles[1] *= 2
     return angles
+
+
+def pairs_in_torch(counts: Tensor, neighbour: Tensor, centres: Tensor, cloud: Tensor, normals: Tensor) -> Pairs:
+    """`pairs_of` by torch's operations, on any device; counts (N,) int64: how many neighbours a centre has."""
+    start = torch.cat([counts.new_zeros(1), counts.cumsum(0)])
+    centre = torch.arange(len(counts), device=counts.device).repeat_interleave(counts, output_size=len(neighbour))
+    step = cloud.index_select(0, neighbour) - centres.index_select(0, centre)
+    total = torch.segment_reduce(step.double(), "sum", lengths=counts, axis=0, unsafe=True)
+    towards = (total / counts.clamp(min=1)[:, None]).to(centres)
+    return Pairs(start, step.T, normals.index_select(0, neighbour).T, towards)
+
+
+def frames_in_torch(normals: Tensor, towards: Tensor) -> Tensor:
+    """`reference_frames` by torch's operations."""
+    n = normals.unbind(1)
+    y = torch.stack(_product(n, towards.unbind(1)), dim=1)
+    axis = torch.nn.functional.one_hot(normals.abs().argmin(1), 3).to(normals)
+    straight = _squared_length(y).double() <= NOWHERE**2
+    y = torch.where(straight[:, None], torch.stack(_product(n, axis.unbind(1)), dim=1), y)
+    y = y / _root(_squared_length(y))[:, None]
+    return torch.stack([torch.stack(_product(y.unbind(1), n), dim=1), y, normals], dim=2)
+
+
+def relations_in_torch(pairs: Pairs, frames: Tensor) -> Tensor:
+    """`relations` by torch's operations."""
+    counts = pairs.start.diff()
+    rows = frames.flatten(1).repeat_interleave(counts, dim=0, output_size=pairs.step.shape[1])
+    a, d, g, b, e, h, c, f, k = rows.unbind(1)  # columns R_x, R_y, n1
+    (dx, dy, dz), (nx, ny, nz) = pairs.step, pairs.normal
+    x, y, z = a * dx + b * dy + c * dz, d * dx + e * dy + f * dz, g * dx + h * dy + k * dz
+    length = _root(x * x + y * y)
+    apart = _root((g - nx).square() + (h - ny).square() + (k - nz).square())
+    together = _root((g + nx).square() + (h + ny).square() + (k + nz).square())
+    aside = y.masked_fill(~(length > SINGULAR * z.abs()), math.nan)
+    angles = torch.atan2(torch.stack([-z, apart, aside]), torch.stack([length, together, x]))
+    angles[1] *= 2
+    return angles
+
+
+def _root(squares: Tensor) -> Tensor:
+    """Square roots, rounded as the compiled loops do: torch's own of float32 may be off by the last bit."""
+    return squares.double().sqrt().to(squares)
+
+
+def _product(a: tuple[Tensor, ...], b: tuple[Tensor, ...]) -> list[Tensor]:
+    """Cross products of vectors given by their coordinates."""
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def _squared_length(vectors: Tensor) -> Tensor:
+    x, y, z = vectors.unbind(1)
+    return x * x + y * y + z * z
 
 
 @compiled

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from spgf_torch.features.alignment import TIE, _run_lengths, aligned_poses, highest_curvature, start_at
+from spgf_torch.ops.alignment import TIE, _run_lengths, aligned_poses, highest_curvature, start_at
 
 RIGHT = math.pi / 2
 

@@ -1,5 +1,7 @@
 """The sliced pineapple grid: neighbours in two rings of cells, smoothed, gaps encoded (paper, section 3.1.2).
 
+A part of the operator `describe`.
+
 Cell k of a ring is centred on alpha3 = k * 2 pi / N_g: it holds the neighbours with round(alpha3 / width) = k,
 modulo N_g, so that turning the frame by whole cells moves the ring by whole cells. Rings are (N, 2, N_g, 2):
 feature, layer (top, bottom), cell, angle (alpha1, alpha2, in radians).
@@ -9,6 +11,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -16,8 +19,7 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from spgf_torch.compiled import compiled
-from spgf_torch.config import FeatureConfig
-from spgf_torch.features.relations import SINGULAR
+from spgf_torch.ops.relations import SINGULAR
 
 # What a gap is encoded as: (alpha1, alpha2) of the top and of the bottom layer.
 GAPS = {
@@ -26,18 +28,67 @@ GAPS = {
 }
 
 
-def rings(start: Tensor, angles: Tensor, config: FeatureConfig, soft: bool = False) -> tuple[Tensor, Tensor]:
+class Ring(NamedTuple):
+    """Of a grid: cells around each ring, cells that the moving average reaches to each side, and layers (1 or 2)."""
+
+    cells: int
+    half_length: int
+    layers: int
+
+
+def rings(start: Tensor, angles: Tensor, ring: Ring, gaps: str, soft: bool = False) -> tuple[Tensor, Tensor]:
     """Steps 1 to 4 of section 3.1: the rings (N, 2, cells, 2) of N features, and (N,) whether they are not all gap.
 
     start: (N + 1,) int64, the first pair of each feature; angles: (3, P) of the pairs, as `relations` has them. `soft`
     as in `organise` and `smooth`.
     """
-    found = angles.new_empty((len(start) - 1, 2, config.cells, 2))
+    found = angles.new_empty((len(start) - 1, 2, ring.cells, 2))
     valid = torch.empty(len(found), dtype=torch.bool)
-    gap = torch.tensor(GAPS[config.gaps], dtype=angles.dtype)
-    window = triangle(config.cells, config.half_length, angles.dtype)
-    _rings(start.numpy(), angles.numpy(), config.layers, soft, window, gap.numpy(), found.numpy(), valid.numpy())
+    gap = torch.tensor(GAPS[gaps], dtype=angles.dtype)
+    window = triangle(ring.cells, ring.half_length, angles.dtype)
+    _rings(start.numpy(), angles.numpy(), ring.layers, soft, window, gap.numpy(), found.numpy(), valid.numpy())
     return found, valid
+
+
+def rings_in_torch(start: Tensor, angles: Tensor, ring: Ring, gaps: str, soft: bool) -> tuple[Tensor, Tensor]:
+    """`rings` by torch's operations, on any device."""
+    grid = _organised(start, angles, ring, soft)
+    reached = (grid[..., 0] > 0).any(2)
+    values = grid if soft else grid * (1 / grid[..., :1].clamp(min=1))
+    ahead, weight = triangle(ring.cells, ring.half_length, angles.dtype)
+    sums = torch.zeros_like(values)
+    for step in range(0, len(ahead), 4):
+        a, b, c, d = (
+            float(w) * values.roll(-int(k), dims=2)
+            for k, w in zip(ahead[step : step + 4], weight[step : step + 4], strict=True)
+        )
+        sums = sums + ((a + b) + (c + d))
+    gap = torch.tensor(GAPS[gaps], dtype=angles.dtype, device=angles.device)
+    found = torch.where(sums[..., :1] > 0, (1 / sums[..., :1]) * sums[..., 1:], gap[:, None])
+    found[:, 0, :, 1].clamp_(max=math.pi / 2)
+    return found, reached.any(1)
+
+
+def _organised(start: Tensor, angles: Tensor, ring: Ring, soft: bool) -> Tensor:
+    """The grid (N, 2, cells, 3) that `organise` fills: neighbours of a cell are added up in their order."""
+    N, cells = len(start) - 1, ring.cells
+    feature = torch.arange(N, device=start.device).repeat_interleave(start.diff(), output_size=angles.shape[1])
+    layer = (angles[1] > math.pi / 2 + SINGULAR).long()
+    known = ((layer < ring.layers) & ~angles[2].isnan()).nonzero()[:, 0]
+    (alpha1, alpha2, alpha3), row = angles[:, known], (2 * feature + layer)[known] * cells
+    place = alpha3 * (cells / (2 * math.pi)) + (cells if soft else cells + 0.5)
+    cell = place.long()
+    nearness, cell = place - cell, cell % cells
+    if soft:
+        index = torch.stack([row + cell, row + (cell + 1) % cells], dim=1).flatten()
+        weight = torch.stack([1 - nearness, nearness], dim=1).flatten()
+        alpha1, alpha2 = alpha1.repeat_interleave(2), alpha2.repeat_interleave(2)
+    else:
+        index, weight = row + cell, torch.ones_like(place)
+    order = index.argsort(stable=True)
+    values = torch.stack([weight, weight * alpha1, weight * alpha2], dim=1)[order]
+    counts = torch.bincount(index, minlength=2 * N * cells)
+    return torch.segment_reduce(values, "sum", lengths=counts, axis=0, unsafe=True).view(N, 2, cells, 3)
 
 
 @lru_cache
@@ -47,7 +98,7 @@ def triangle(cells: int, half_length: int, dtype: torch.dtype) -> tuple[np.ndarr
     At distance |k| <= n = half_length that is (n + 1 - |k|) / (n + 1) (the paper: "weight falling with distance"); of
     two ways round the ring the shorter counts.
     """
-    ahead = torch.arange(cells)
+    ahead = torch.arange(cells, device="cpu")
     weight = (half_length + 1 - torch.minimum(ahead, cells - ahead)).clamp(min=0).to(dtype) / (half_length + 1)
     ahead, weight = ahead[weight > 0], weight[weight > 0]
     missing = (0, -len(ahead) % 4)

@@ -1,4 +1,4 @@
-"""Alignment of the grid to the direction of highest curvature (paper, section 3.1.2, Fig. 5).
+"""Alignment of the grid to the direction of highest curvature (paper, section 3.1.2, Fig. 5), for `describe`.
 
 The paper takes the cell of the largest alpha2 in the top layer as the start of both rings. Where the surface
 has a gap many cells share the saturated value, and the paper does not say which wins. Here, among the cells
@@ -19,6 +19,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.compiled import compiled
+from spgf_torch.geometry.se3 import from_rotation
 
 # rad; curvatures this close are equal: well above float32 rounding (1e-6), well below the noise of a normal (0.05).
 TIE = 1e-4
@@ -44,6 +45,50 @@ def aligned_poses(frames: Tensor, start: Tensor, cells: int, positions: Tensor) 
     T = frames.new_zeros((len(frames), 4, 4))
     _aligned_poses(*(tensor.numpy() for tensor in (frames, start, angle.cos(), angle.sin(), positions, T)))
     return T
+
+
+def highest_curvature_in_torch(rings: Tensor) -> Tensor:
+    """`highest_curvature` by torch's operations, on any device."""
+    curvature = rings[:, 0, :, 1].double()
+    tied = curvature >= curvature.amax(1, keepdim=True) - TIE
+    start = tied.int().argmax(1)
+    several = (tied.sum(1) > 1).nonzero()[:, 0]
+    start[several] = _centre_of_widest_run(tied[several], rings[several])
+    return start
+
+
+def _centre_of_widest_run(tied: Tensor, rings: Tensor) -> Tensor:
+    """(n,) int64 cell: of the widest runs of True in tied (n, cells), the one whose centre has the highest content."""
+    cells = tied.shape[1]
+    length, going = torch.zeros_like(tied, dtype=torch.int64), tied & ~tied.roll(1, dims=1)
+    for ahead in range(1, cells + 1):
+        length, going = length + going, going & tied.roll(-ahead, dims=1)
+    length[tied.all(1)] = cells  # no run has a beginning there: each cell is one
+    widest = length.amax(1, keepdim=True)
+    ring = torch.arange(cells, device=tied.device)
+    middle = (ring + (widest - 1) // 2) % cells
+    nearer = torch.exp(ring.double() * (-2 * math.pi / cells))
+    top, bottom = rings.unbind(1)
+    content = (top[..., 0] + top[..., 1] + bottom[..., 0] + bottom[..., 1]).double()
+    after = (content[:, (ring[:, None] + ring) % cells] * nearer).sum(2)  # of each cell, going round
+    found = after.gather(1, middle).masked_fill(length != widest, -math.inf)
+    first = (found >= found.amax(1, keepdim=True) - TIE).int().argmax(1, keepdim=True)
+    return middle.gather(1, first)[:, 0]
+
+
+def start_at_in_torch(rings: Tensor, start: Tensor) -> Tensor:
+    """Rings (N, 2, cells, 2), moved round so that cell start (N,) becomes cell 0 of both."""
+    cells = rings.shape[2]
+    cell = (start[:, None] + torch.arange(cells, device=start.device)) % cells
+    return rings.gather(2, cell[:, None, :, None].expand_as(rings))
+
+
+def aligned_poses_in_torch(frames: Tensor, start: Tensor, cells: int, positions: Tensor) -> Tensor:
+    """`aligned_poses` by torch's operations."""
+    angle = torch.arange(cells, dtype=torch.float64, device="cpu") * (2 * math.pi / cells)  # the same on all devices
+    cos, sin = (table.to(start.device)[start][:, None] for table in (angle.cos(), angle.sin()))
+    x, y, z = frames.double().unbind(2)
+    return from_rotation(torch.stack([cos * x + sin * y, cos * y - sin * x, z], dim=2).to(frames), positions)
 
 
 @compiled

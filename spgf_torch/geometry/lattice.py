@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import torch
 from torch import Tensor
@@ -32,46 +32,59 @@ class Lattice:
     voxel: float
     rotation_deg: float
 
-    @cached_property
+    @property
     def side(self) -> int:
         """Voxels along an axis; the outermost layer stays empty, so that neighbours never wrap around."""
         return 2 * math.ceil(self.reach / self.voxel) + 2
 
-    @cached_property
+    @property
     def voxels(self) -> int:
         return self.side**3
 
-    @cached_property
+    @property
     def chart_side(self) -> int:
         """Rotation cells along an axis of a chart."""
         return max(1, round(180.0 / self.rotation_deg))
 
-    @cached_property
+    @property
     def rotations(self) -> int:
         return 4 * self.chart_side**3
 
-    @cached_property
+    @property
     def cells(self) -> int:
         return self.voxels * self.rotations
 
-    @cached_property
+    @property
+    def rows(self) -> int:
+        """Rows of cells: a row has one rotation and one first step of the voxel."""
+        return self.rotations * self.side
+
+    @property
+    def row_size(self) -> int:
+        """Cells of a row."""
+        return self.side**2
+
+    @property
+    def numbers(self) -> list[float]:
+        """The lattice as operators take it (`spgf_torch.ops`)."""
+        return [self.reach, self.voxel, self.rotation_deg]
+
+    @property
     def edges(self) -> Tensor:
         """(chart_side - 1,) f64: the ratios of components that lie between the rotation cells of a chart."""
-        n = self.chart_side
-        return torch.tan((torch.arange(1, n, dtype=torch.float64) / n - 0.5) * math.pi / 2)
+        return _edges(self.chart_side)
 
     def voxel_index(self, position: Tensor) -> Tensor:
         """(..., 3) m, within the reach, to voxel indices (...,) int64."""
-        i = (position / self.voxel + self.side / 2).floor().long().clamp_(1, self.side - 2)
+        i = (position * (1 / self.voxel) + self.side / 2).floor().long().clamp_(1, self.side - 2)
         return (i[..., 0] * self.side + i[..., 1]) * self.side + i[..., 2]
 
     def rotation_index(self, quaternion: Tensor) -> Tensor:
         """(..., 4) unit wxyz to rotation-cell indices (...,) int64; q and -q share a cell."""
         chart = quaternion.abs().argmax(-1, keepdim=True)
         others = _OTHERS.to(quaternion.device)[chart.squeeze(-1)]
-        u = torch.atan(quaternion.gather(-1, others) / quaternion.gather(-1, chart))  # [-pi/4, pi/4]
-        n = self.chart_side
-        i = ((u / (math.pi / 2) + 0.5) * n).floor().long().clamp_(0, n - 1)
+        ratio = quaternion.gather(-1, others) * (1 / quaternion.gather(-1, chart))  # from -1 to 1
+        i, n = torch.bucketize(ratio, self.edges.to(ratio), right=True), self.chart_side
         return ((chart.squeeze(-1) * n + i[..., 0]) * n + i[..., 1]) * n + i[..., 2]
 
     def index(self, position: Tensor, quaternion: Tensor) -> Tensor:
@@ -118,6 +131,11 @@ class Kernel:
     weight: Tensor
     turn: Tensor
     turn_weight: Tensor
+
+
+@lru_cache
+def _edges(n: int) -> Tensor:
+    return torch.tan((torch.arange(1, n, dtype=torch.float64, device="cpu") / n - 0.5) * math.pi / 2)
 
 
 @lru_cache(maxsize=4)

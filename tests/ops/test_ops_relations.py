@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from spgf_torch.features.relations import pairs_of, reference_frames, relations, turned
+from spgf_torch.ops.relations import pairs_of, reference_frames, relations, turned
 
 unit = torch.nn.functional.normalize
 SEEN = torch.eye(3, dtype=torch.float64)[None]  # a frame along the axes
