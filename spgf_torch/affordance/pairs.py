@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.particles import Particles, Points
-from spgf_torch.config import GRASP_TYPES, AffordanceConfig, InputError
+from spgf_torch.errors import InputError
 from spgf_torch.geometry.lattice import Lattice
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.ops.cell_pairs import cell_pairs as pairs_within_reach
 
 # Cells of a lattice: 2 GB for the table of one slice.

@@ -16,8 +16,8 @@ from torch import Tensor
 
 from spgf_torch.affordance.neighbourhood import Condensed, Counts
 from spgf_torch.affordance.particles import Points
-from spgf_torch.config import GRASP_TYPES
 from spgf_torch.geometry.lattice import Lattice
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.ops.accumulate_votes import Candidates, Voters, accumulate_votes
 from spgf_torch.ops.look_up import NO_POINT, Table, look_up
 

@@ -16,7 +16,8 @@ import math
 import torch
 from torch import Generator, Tensor
 
-from spgf_torch.config import FeatureConfig, InputError
+from spgf_torch.errors import InputError
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.interface import VectorFeatures
 from spgf_torch.geometry.se3 import from_rotation
 from spgf_torch.ops.neighbours import radius_pairs

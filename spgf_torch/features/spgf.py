@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from spgf_torch.config import FeatureConfig, InputError
+from spgf_torch.errors import InputError
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.ops.describe import describe
 from spgf_torch.ops.grid import Ring
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.ops.alignment import (
     aligned_poses,
     aligned_poses_in_torch,

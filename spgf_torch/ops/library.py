@@ -24,7 +24,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.compiled import compiled
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.ops.library import memory, operator, unknown_size
 
 # Points looked at for the neighbours of one part of the cloud. What is made of a part takes some 10 MB; a quarter of it

@@ -7,22 +7,19 @@ import pytest
 import torch
 
 from spgf_torch.affordance import model as affordance
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.neighbourhood import Condensed, Counts, ShapeGraspSpace, analyse, condense
 from spgf_torch.affordance.pairs import CellPairs, cell_pairs, lattice_of
 from spgf_torch.affordance.particles import Particles, Points, pairs_within
 from spgf_torch.affordance.voting import NO_POINT, VotingIndex, cast_votes, counted_votes
-from spgf_torch.config import (
-    AffordanceConfig,
-    FeatureConfig,
-    HandConfig,
-    InputError,
-    PrototypeConfig,
-    SensingConfig,
-    plain,
-    settings,
-)
+from spgf_torch.errors import InputError
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.geometry import se3
 from spgf_torch.geometry.lattice import Kernel, Lattice, gaussian_kernel
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.prototypes.config import PrototypeConfig
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import plain, settings
 
 LATTICE = Lattice(reach=0.03, voxel=0.01, rotation_deg=60.0)
 PROTOTYPES = 3

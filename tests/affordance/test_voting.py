@@ -6,15 +6,16 @@ from dataclasses import replace
 import pytest
 import torch
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.affordance.particles import Points
 from spgf_torch.affordance.ranking import judge, log_odds_gain, point_gains, shrunk_mean
 from spgf_torch.affordance.voting import VotingIndex, cast_votes, polled
-from spgf_torch.config import AffordanceConfig, settings
 from spgf_torch.geometry import se3
 from spgf_torch.geometry.lattice import Lattice
 from spgf_torch.ops.cell_pairs import cell_pairs
 from spgf_torch.ops.look_up import NO_POINT
+from spgf_torch.settings import settings
 
 LATTICE = Lattice(reach=0.05, voxel=0.012, rotation_deg=45.0)
 CONFIG = settings(AffordanceConfig)

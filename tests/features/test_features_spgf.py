@@ -7,11 +7,13 @@ import pytest
 import spgf_reference
 import torch
 
-from spgf_torch.config import FeatureConfig, InputError, settings
+from spgf_torch.errors import InputError
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import Features, spgf
 from spgf_torch.geometry import se3
 from spgf_torch.ops import describe, neighbours
 from spgf_torch.ops.relations import reference_frames, turned
+from spgf_torch.settings import settings
 
 RIGHT = math.pi / 2
 ARGMAX = settings(FeatureConfig)

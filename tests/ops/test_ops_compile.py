@@ -4,14 +4,16 @@ import pytest
 import torch
 from torch import Tensor
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import GraspModel, kernel_of, learn, vote
 from spgf_torch.affordance.pairs import cell_pairs
 from spgf_torch.affordance.ranking import judge, point_gains, shrunk_mean
 from spgf_torch.affordance.voting import VotingIndex, polled
-from spgf_torch.config import AffordanceConfig, FeatureConfig, settings
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import spgf
 from spgf_torch.geometry import se3
 from spgf_torch.prototypes.kmeans import assign
+from spgf_torch.settings import settings
 
 AFFORDANCE = settings(AffordanceConfig, reach=0.04, rotation_deg=45.0, kernel_deg=30.0, min_support=1.0)
 FEATURES = settings(FeatureConfig)

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.ops import neighbours
 from spgf_torch.ops.neighbours import Neighbourhoods, radius_pairs
 

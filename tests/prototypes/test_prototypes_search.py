@@ -5,10 +5,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from spgf_torch.config import PrototypeConfig, settings
 from spgf_torch.ops.kmeans_start import Weighted, settle
+from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import inertia, lloyd
 from spgf_torch.prototypes.search import Summary, breathe, initial_centres, principal_components
+from spgf_torch.settings import settings
 
 
 def blobs(middles: Tensor, members: int = 100, spread: float = 0.1) -> Tensor:
