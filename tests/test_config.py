@@ -2,17 +2,26 @@
 
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from spgf_torch import config
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.cli.door import slug
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
+from spgf_torch.features.config import FeatureConfig
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.judging.config import TreesConfig
+from spgf_torch.objects.config import CollisionConfig
+from spgf_torch.proposing.config import HypothesesConfig, ProposingConfig
+from spgf_torch.prototypes.config import PrototypeConfig
+from spgf_torch.scene.config import SceneConfig
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import plain, settings, typed
-from spgf_torch.simulation.config import SimulateConfig
+from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig, SimulateConfig
 
 CONF = Path(__file__).parents[1] / "conf"
 OmegaConf.register_new_resolver("slug", slug, replace=True)
@@ -25,12 +34,49 @@ def composed(command: str, *overrides: str) -> dict:
     return values
 
 
-@pytest.mark.parametrize("kind", config.DEFAULTS, ids=lambda kind: kind.__name__)
-def test_every_rooms_defaults_load(kind: type) -> None:
+ROOMS = (
+    AffordanceConfig,
+    CollisionConfig,
+    EpisodeConfig,
+    FeatureConfig,
+    HandConfig,
+    HypothesesConfig,
+    PrototypeConfig,
+    ProposingConfig,
+    SamplerConfig,
+    SceneConfig,
+    SensingConfig,
+    TreesConfig,
+)
+
+
+@pytest.mark.parametrize("kind", ROOMS, ids=lambda kind: kind.__name__)
+def test_every_rooms_defaults_load(kind: Any) -> None:
     loaded = settings(kind)
-    written = OmegaConf.load(CONF / config.DEFAULTS[kind])
+    written = OmegaConf.load(CONF / kind.DEFAULTS)
     assert {f.name for f in fields(kind)} == set(written)  # the YAML names every key, and no other
     assert typed(kind, plain(loaded)) == loaded
+
+
+@pytest.mark.parametrize("kind", [kind for kind in ROOMS if kind is not HandConfig], ids=lambda kind: kind.__name__)
+def test_an_instance_has_the_defaults_that_are_written(kind: Any) -> None:
+    assert kind() == settings(kind)
+
+
+def test_a_changed_instance_keeps_the_other_defaults_and_shares_none() -> None:
+    changed = FeatureConfig(radius=0.02)
+    assert (changed.radius, changed.cells, FeatureConfig().radius) == (0.02, 36, 0.03)
+
+
+def test_what_is_read_from_elsewhere_must_give_every_value() -> None:
+    values = plain(settings(FeatureConfig))
+    del values["cells"]
+    with pytest.raises(InputError, match=r"^cells: expected a value, got none"):
+        typed(FeatureConfig, values)
+    whole = composed("train", "K=20")
+    del whole["sensing"]["spacing"]
+    with pytest.raises(InputError, match=r"^sensing\.spacing: expected a value, got none"):
+        typed(TrainConfig, whole)
 
 
 @pytest.mark.parametrize("K", ["+K=7", "K=7"])
@@ -45,7 +91,7 @@ def test_without_k_there_are_20_prototypes() -> None:
 
 
 def test_doors_compose() -> None:
-    assert typed(TrainConfig, composed("train", "K=20")).features == settings(config.FeatureConfig)
+    assert typed(TrainConfig, composed("train", "K=20")).features == settings(FeatureConfig)
     assert typed(SimulateConfig, composed("simulate")).candidates == 1000
     assert typed(EvaluateConfig, composed("evaluate", "objects=x")).N == 10
 

@@ -35,7 +35,7 @@ TOY = """
 import json, sys
 from pathlib import Path
 from spgf_torch.cli.door import door
-from spgf_torch.config import TrainConfig
+from spgf_torch.experiment.config import TrainConfig
 
 def run(config: TrainConfig, folder: Path) -> None:
     torch = sys.modules.get("torch")

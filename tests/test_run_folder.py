@@ -9,7 +9,8 @@ TOY = """
 import sys
 from pathlib import Path
 from spgf_torch.cli.door import door
-from spgf_torch.config import InputError, TrainConfig
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.progress import show
 
 def run(config: TrainConfig, folder: Path) -> None:

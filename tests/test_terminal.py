@@ -14,7 +14,7 @@ TOY = """
 import sys, time
 from pathlib import Path
 from spgf_torch.cli.door import door
-from spgf_torch.config import ReportConfig
+from spgf_torch.reporting.config import ReportConfig
 from spgf_torch.progress import console, show
 
 def run(config: ReportConfig, folder: Path) -> None:

@@ -57,7 +57,7 @@ def test_what_fails_leaves_the_old_one(tmp_path: Path) -> None:
 
 KILLED = """
 import os, pathlib, signal, sys
-from spgf_torch.datasets import card, folder
+from spgf_torch.formats import card, folder
 from spgf_torch.files.sealing import sealed_json
 out, when = pathlib.Path(sys.argv[1]), sys.argv[2]
 kill = lambda *_: os.kill(os.getpid(), signal.SIGKILL)

@@ -16,9 +16,9 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import spgf
 from spgf_torch.objects.config import CLASSES
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.prototypes import naming as rule
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.prototypes.naming import prototype_names, ring_shape
-from spgf_torch.reporting import names as rule
 from spgf_torch.reporting.figures import scenes
 from spgf_torch.reporting.figures.learned import Ring, learned_grasps, rings
 from spgf_torch.reporting.figures.views import grasp_view, object_view, prototype_view
