@@ -35,7 +35,7 @@ T = TypeVar("T")
 LONGEST_LINE = 1000
 
 
-class InputError(Exception):
+class InputError(ValueError):
     """Something the user gave cannot be used: one line that names it, what was expected and what was got.
 
     Names and values in it may come from a file: what would break the line or steer a terminal is written as `\\x1b`.

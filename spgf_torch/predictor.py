@@ -29,8 +29,7 @@ from spgf_torch.proposing.judge import Judge, load_judge
 from spgf_torch.proposing.judge_features import Seen
 from spgf_torch.proposing.judged import JudgedProposer
 from spgf_torch.proposing.propose import Proposals, Proposer
-from spgf_torch.reporting.learned import descriptor_of, rings_deg
-from spgf_torch.reporting.names import prototype_names
+from spgf_torch.prototypes.naming import prototype_names
 from spgf_torch.scene.arrays import cloud_of_arrays
 from spgf_torch.scene.assembly import texlets_of
 from spgf_torch.scene.scene import Scene, check_spacing
@@ -103,9 +102,9 @@ class Predictor:
         """A word for each prototype: `rim 7`, or `fpfh 7` of a descriptor without rings; none of a judge alone."""
         if self.model is None:
             return []
-        if (descriptor := descriptor_of(self.model)) != "spgf":
+        if (descriptor := self.model.descriptor) != "spgf":
             return [f"{descriptor} {k}" for k in range(len(self.model.centres))]
-        return prototype_names(rings_deg(self.model))
+        return prototype_names(self.model.rings_deg())
 
     def texlets(
         self,

@@ -62,6 +62,8 @@ def check_seal(path: Path, what: str) -> bool:
             seal = _sealed_with(content)
             if seal is not None and seal != _digest_without(content, seal):
                 raise _changed(path, what)
+    except InputError:
+        raise
     except (OSError, ValueError) as error:  # ValueError: empty
         raise InputError(f"{path}: expected {what}, got {getattr(error, 'strerror', None) or error}") from None
     if seal is not None:

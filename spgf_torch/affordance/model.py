@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save
@@ -75,6 +76,21 @@ class GraspModel:
     lattice: Lattice
     calibration: Calibration
     settings: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def descriptor(self) -> str:
+        """Of what its prototypes are: `features.descriptor`."""
+        return str(self.settings.get("features", {}).get("descriptor", "spgf"))
+
+    def rings_deg(self) -> np.ndarray:
+        """(K, 2, cells, 2) its prototypes: layer, cell, (alpha1, alpha2) in degrees.
+
+        Raises InputError for a model of another descriptor than SPGF: its prototypes are no rings.
+        """
+        if self.descriptor != "spgf":
+            raise InputError(f"features.descriptor: expected spgf, whose prototypes are rings, got {self.descriptor}")
+        centres = self.centres.cpu().double().numpy()
+        return np.degrees(centres.reshape(len(centres), 2, -1, 2))
 
 
 def kernel_of(config: AffordanceConfig) -> Kernel:

@@ -115,6 +115,8 @@ def read_acronym(path: Path) -> AcronymFile:
     try:
         with h5py.File(path, "r") as file:
             known = _values(file)
+    except InputError:
+        raise
     except (OSError, RuntimeError, ValueError, AttributeError, TypeError, MemoryError) as error:
         raise unreadable(path, what, error) from None
     count = len(known.transforms)

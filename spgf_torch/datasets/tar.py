@@ -81,5 +81,7 @@ def _members(path: Path) -> Iterator[tuple[str, bytes]]:
                         f"{path}: expected files of at most {LARGEST} bytes, got {member.name!r:.80}, {got}"
                     )
                 yield member.name, content.read()
+    except InputError:
+        raise
     except (tarfile.TarError, OSError, ValueError, EOFError) as error:
         raise unreadable(path, "a WebDataset shard", error) from None

@@ -59,6 +59,8 @@ def load_fold_models(run: Path, device: str = "cpu") -> FoldModels:
     try:
         listed = json_values(path, "the folds of objects", sealed=True)
         novel = {name: (int(row["fold"]), str(row["digest"])) for name, row in listed.items() if name != SEAL}
+    except InputError:
+        raise
     except (KeyError, TypeError, ValueError, AttributeError):
         raise InputError(f"{path}: expected fold and digest of each object, got something else") from None
     folds = sorted({fold for fold, _ in novel.values()})

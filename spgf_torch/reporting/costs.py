@@ -40,6 +40,8 @@ def costs_of(runs: Sequence[Run]) -> dict[str, Costs]:
     told = [(run, read_results(run.folder / "results.json")) for run in runs]
     try:
         return {run.stamp: _costs(run, results, told) for run, results in told}
+    except InputError:
+        raise
     except (AttributeError, TypeError, ValueError) as error:
         names = ", ".join(run.folder.name for run in runs)
         raise InputError(f"{names}: expected seconds and costs in results.json as numbers, got {error}") from None

@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from spgf_torch.affordance.model import GraspModel
-from spgf_torch.config import GRASP_TYPES, InputError
-from spgf_torch.reporting.names import gaps
-from spgf_torch.reporting.predictions import rotations
+from spgf_torch.config import GRASP_TYPES
+from spgf_torch.prototypes.naming import gaps
 
 LAYERS = ("top", "bottom")
 INNER = 0.5  # of the radius: where the drawn band of a ring begins
@@ -57,22 +57,6 @@ class Grasps:
     points: int
 
 
-def descriptor_of(model: GraspModel) -> str:
-    """The descriptor that the model was learned with; older models do not say, theirs is SPGF."""
-    return str(model.settings.get("features", {}).get("descriptor", "spgf"))
-
-
-def rings_deg(model: GraspModel) -> np.ndarray:
-    """(K, 2, cells, 2) the model's prototypes: layer, cell, (alpha1, alpha2) in degrees.
-
-    Raises InputError for a model of another descriptor than SPGF: its prototypes are no rings.
-    """
-    if (descriptor := descriptor_of(model)) != "spgf":
-        raise InputError(f"features.descriptor: expected spgf, whose prototypes are rings, got {descriptor}")
-    centres = model.centres.cpu().double().numpy()
-    return np.degrees(centres.reshape(len(centres), 2, -1, 2))
-
-
 def ring_positions(alpha1: np.ndarray, azimuth: np.ndarray, radius: float) -> np.ndarray:
     """(..., 3) where a neighbour at distance `radius` lies: alpha1 is how far it falls below the plane (Eq. 2), rad."""
     flat = np.cos(alpha1)
@@ -114,7 +98,7 @@ def learned_grasps(model: GraspModel, prototype: int, kind: str, opening: float,
     chosen = spread(position[best], quaternion[best], count // 2)
     rest = np.setdiff1d(np.arange(len(pool)), best[chosen])
     which = np.r_[best[chosen], rest[spread(position[rest], quaternion[rest], count - len(chosen))]].astype(int)
-    T = rotations(quaternion[which])
+    T = Rotation.from_quat(quaternion[which], scalar_first=True).as_matrix()
     sticks = np.einsum("gij,skj->gski", T, fork(opening)) + position[which][:, None, None]
     return Grasps(sticks, probability[which], support[which], stop - start)
 

@@ -14,11 +14,11 @@ from spgf_torch.config import CLASSES, FeatureConfig, SensingConfig, typed
 from spgf_torch.features.spgf import spgf
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.prototypes.kmeans import assign
+from spgf_torch.prototypes.naming import prototype_names, ring_shape
 from spgf_torch.reporting import names as rule
 from spgf_torch.reporting import scenes
 from spgf_torch.reporting.context import Context, Part
-from spgf_torch.reporting.learned import Ring, learned_grasps, rings, rings_deg
-from spgf_torch.reporting.names import prototype_names, ring_shape
+from spgf_torch.reporting.learned import Ring, learned_grasps, rings
 from spgf_torch.reporting.page import Section, caption, drawn, picture, png, table, turning
 from spgf_torch.reporting.style import prototype_colours
 from spgf_torch.reporting.views import grasp_view, object_view, prototype_view
@@ -45,7 +45,7 @@ class Prototypes:
 
 def describe(model: GraspModel, radius: float) -> Prototypes:
     """The model's prototypes; `radius` (m) of its features."""
-    degrees = rings_deg(model)
+    degrees = model.rings_deg()
     names = prototype_names(degrees)
     return Prototypes(model, degrees, names, prototype_colours(names), [rings(ring, radius) for ring in degrees])
 

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 import pyarrow as pa
+from scipy.spatial.transform import Rotation
 
 from spgf_torch.config import CLASSES, GRASP_TYPES, InputError
 from spgf_torch.evaluation.success import TYPES, of_type
@@ -50,7 +51,8 @@ class Candidates:
     def T_object_tcp(self) -> np.ndarray:  # noqa: N802
         """(G, 4, 4) float64."""
         T = np.tile(np.eye(4), (len(self.pose), 1, 1))
-        T[:, :3, :3], T[:, :3, 3] = rotations(self.pose[:, 3:]), self.pose[:, :3]
+        T[:, :3, :3] = Rotation.from_quat(self.pose[:, 3:], scalar_first=True).as_matrix()
+        T[:, :3, 3] = self.pose[:, :3]
         return T
 
     def ranked(self, ranking: str, chosen: Mapping[int, str], kind: str, n: int) -> np.ndarray:
@@ -144,17 +146,6 @@ def probabilities(objects: Sequence[Candidates], kind: str) -> tuple[np.ndarray,
         for name in ("probability_before", "probability", "success")
     )
     return before, after, held
-
-
-def rotations(wxyz: np.ndarray) -> np.ndarray:
-    """(G, 3, 3) rotation matrices of quaternions (G, 4) wxyz of any length but zero."""
-    w, x, y, z = (wxyz / np.linalg.norm(wxyz, axis=1, keepdims=True)).T.astype(np.float64)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
 
 
 def _array(column: pa.ChunkedArray) -> np.ndarray:

@@ -16,8 +16,8 @@ from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from spgf_torch.prototypes.naming import FAMILIES, family_of
 from spgf_torch.reporting.learned import Grasps, Ring, full_fork
-from spgf_torch.reporting.names import FAMILIES, family_of
 from spgf_torch.reporting.style import (
     ANGLE_SCALE,
     FAILED,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap, to_hex, to_rgb
 
-from spgf_torch.reporting.names import FAMILIES, family_of
+from spgf_torch.prototypes.naming import FAMILIES, family_of
 
 DPI = 300
 TYPE_COLOURS = {"NPG": "#0072B2", "WPG": "#D55E00", "CG": "#00795A"}

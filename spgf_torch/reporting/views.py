@@ -13,8 +13,8 @@ import numpy as np
 import trimesh
 from matplotlib.colors import to_hex
 
+from spgf_torch.prototypes.naming import FAMILIES, family_of
 from spgf_torch.reporting.learned import LAYERS, Grasps, Ring
-from spgf_torch.reporting.names import FAMILIES, family_of
 from spgf_torch.reporting.scenes import Held, Texels
 from spgf_torch.reporting.style import (
     ANGLE_SCALE,

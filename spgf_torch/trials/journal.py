@@ -177,6 +177,8 @@ class Journal:
             if content["schema"] != SCHEMA or not all(entry["trials"] >= 0 for entry in content["objects"].values()):
                 raise ValueError(f"schema {content['schema']}")
             content["made_with"]["versions"].items()
+        except InputError:
+            raise
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             got = f"something else ({type(error).__name__})"
             raise InputError(f"{self.path}: expected a manifest of simulate of schema {SCHEMA}, got {got}") from None

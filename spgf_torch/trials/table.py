@@ -148,6 +148,8 @@ def read_table(path: Path) -> TrialTable:
     content = parquet_table(path, "a trial table", COLUMNS, MOST_ROWS)
     try:
         return _decoded(path, content)
+    except InputError:
+        raise
     except (KeyError, TypeError, ValueError, AttributeError, pa.ArrowException) as error:
         raise unreadable(path, "the columns of a trial table", error, "others") from error
 

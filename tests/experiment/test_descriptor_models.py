@@ -28,7 +28,6 @@ from spgf_torch.geometry import se3
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
 from spgf_torch.proposing.propose import Proposer
-from spgf_torch.reporting.learned import descriptor_of, rings_deg
 
 MESH = trimesh.creation.box((0.05, 0.06, 0.08))
 BRICK = GraspObject("brick", "boxes", MESH, (MESH.vertices,), 0.2, MESH.center_mass, MESH.moment_inertia)
@@ -66,7 +65,7 @@ def model(tried: Tried, tmp_path_factory: pytest.TempPathFactory) -> GraspModel:
 
 def test_a_saved_model_knows_its_descriptor(model: GraspModel) -> None:
     """Proposals come from pairs of patches without a word: rings of 144 numbers would not fit centres of 4."""
-    assert descriptor_of(model) == "patch_pairs" and model.centres.shape == (3, 4)
+    assert model.descriptor == "patch_pairs" and model.centres.shape == (3, 4)
     texlets = Steps(DESCRIBE, BRICK, Grasps(torch.zeros(0, 4, 4), torch.zeros(0, dtype=torch.int64))).texlets
     proposing = settings(ProposingConfig, point_support=0, hypotheses=60, survivors=20, refined=5, rounds=1)
     proposals = Proposer.of(model, proposing, VOLUMES).propose(texlets)
@@ -75,9 +74,9 @@ def test_a_saved_model_knows_its_descriptor(model: GraspModel) -> None:
 
 def test_its_prototypes_are_no_rings(model: GraspModel) -> None:
     with pytest.raises(InputError, match="expected spgf, whose prototypes are rings, got patch_pairs"):
-        rings_deg(model)
+        model.rings_deg()
     old = replace(model, settings={"features": {}})
-    assert descriptor_of(old) == "spgf"
+    assert old.descriptor == "spgf"
 
 
 def test_a_prediction_takes_time(model: GraspModel, tried: Tried) -> None:

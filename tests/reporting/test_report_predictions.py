@@ -1,5 +1,6 @@
 """Single grasps: rankings, precision at N, intervals of curves, pictures' geometry."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,6 @@ from spgf_torch.reporting.predictions import (
     class_curves,
     precision_at,
     read_predictions,
-    rotations,
 )
 from spgf_torch.reporting.runs import read_run
 
@@ -60,10 +60,10 @@ def test_intervals_of_curves_are_those_of_the_table() -> None:
         assert (low[0], high[0]) == pytest.approx(theirs[name]["CG"], abs=0.02)
 
 
-def test_quaternions_become_rotations() -> None:
-    """90 deg about z takes x to y; the length of a quaternion does not matter."""
-    turn = rotations(np.array([[2.0, 0, 0, 2.0]]))[0]
-    assert turn @ [1, 0, 0] == pytest.approx([0, 1, 0]) and turn @ [0, 0, 1] == pytest.approx([0, 0, 1])
+def test_poses_become_matrices() -> None:
+    """90 deg about z (w first) takes x to y; the length of a quaternion does not matter."""
+    at = replace(candidates([1.0], [1], [0]), pose=np.array([[0.1, 0.2, 0.3, 2.0, 0, 0, 2.0]])).T_object_tcp[0]
+    assert at @ [1, 0, 0, 1] == pytest.approx([0.1, 1.2, 0.3, 1]) and at @ [0, 0, 1, 0] == pytest.approx([0, 0, 1, 0])
 
 
 def test_ring_cells_lie_where_alpha1_says() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from spgf_torch.reporting.names import prototype_names, ring_shape
+from spgf_torch.prototypes.naming import prototype_names, ring_shape
 
 CELLS = 36
 
