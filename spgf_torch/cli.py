@@ -23,6 +23,7 @@ from yaml import YAMLError
 from spgf_torch import __version__
 from spgf_torch.command_line import ALIASES, PATHS, translated
 from spgf_torch.config import IncompleteError, InputError, one_line, root, typed
+from spgf_torch.extras import install
 from spgf_torch.multirun import Multirun
 from spgf_torch.reading import reason
 from spgf_torch.run_folder import SETTINGS, claimed, moved, point_latest
@@ -139,7 +140,7 @@ def fail(command: str, error: Exception) -> NoReturn:
     """Say what is wrong with the input in one line and leave with status 2."""
     lines = [line.strip() for line in str(error).splitlines()]
     if "hydra/launcher/" in str(error):
-        lines.append("(joblib, slurm and submitit_local: pip install 'spgf-torch[sweep]')")
+        lines.append(f"(joblib, slurm and submitit_local: {install('sweep')})")
     words = [line for line in lines if line and not line.startswith(("full_key:", "object_type=", "reference_type"))]
     line = one_line(" ".join(words))
     for alias, name in ALIASES.items():  # as it was given

@@ -7,6 +7,7 @@ from pathlib import Path
 from spgf_torch.cli import door
 from spgf_torch.config import find
 from spgf_torch.datasets.config import ExportConfig, wanted_formats
+from spgf_torch.extras import needed
 from spgf_torch.given import check_folder
 from spgf_torch.progress import Stages, show
 
@@ -14,6 +15,8 @@ from spgf_torch.progress import Stages, show
 def run(config: ExportConfig, folder: Path) -> None:
     """Write the wanted formats into `out` (default: `dataset` in the run's folder), all of them or nothing."""
     formats = wanted_formats(config.format)
+    if "acronym" in formats:
+        needed("format: acronym", "h5py")
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from spgf_torch.cli import door
 from spgf_torch.config import JudgeConfig
+from spgf_torch.extras import needed
 from spgf_torch.given import check_folder
 from spgf_torch.progress import Stages, show
 
@@ -17,6 +18,7 @@ TABLES = {"trials": "the trial tables that simulate leaves", "own_trials": "the 
 
 def run(config: JudgeConfig, folder: Path) -> None:
     """Sense the objects, try random and then chosen grasps, learn, measure; write judge and trials into `folder`."""
+    needed("learning", "sklearn")
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
     for key, what in TABLES.items():
         if getattr(config, key) is not None:

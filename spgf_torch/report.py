@@ -6,11 +6,14 @@ from pathlib import Path
 
 from spgf_torch.cli import door
 from spgf_torch.config import ReportConfig
+from spgf_torch.extras import needed
 from spgf_torch.progress import Stages, show
 
 
 def run(config: ReportConfig, folder: Path) -> None:
     """Write tables, pictures and `index.html` into `folder`; show the table."""
+    needed("index.html", "plotly")
+
     from spgf_torch.reporting.runs import Notes, load_runs
 
     notes, stages = Notes(), Stages()

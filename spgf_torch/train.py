@@ -17,6 +17,7 @@ import yaml
 
 from spgf_torch.cli import door, write_settings
 from spgf_torch.config import JUDGE, InputError, TrainConfig, root
+from spgf_torch.extras import needed
 from spgf_torch.given import check_folder
 from spgf_torch.progress import Stages, show
 
@@ -33,6 +34,7 @@ def run(config: TrainConfig, folder: Path) -> None:
 
     With `judge=learn` a judge of the hand, and the trials that were made to teach it, go beside the model.
     """
+    _check_packages(config)
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
     _check_judge(config)
@@ -65,6 +67,16 @@ def run(config: TrainConfig, folder: Path) -> None:
         show(
             "a judge is beside them: predict and evaluate of this folder (model=) rank by it, with judge=none by votes"
         )
+
+
+def _check_packages(config: TrainConfig) -> None:
+    """InputError for settings that need a package that is not installed."""
+    if config.features.descriptor == "fpfh":
+        needed("features.descriptor: fpfh", "open3d")
+    if config.judge != "none":
+        needed(f"judge: {config.judge}", "sklearn")
+    if config.ranking == JUDGE:
+        needed(f"ranking: {JUDGE}", "sklearn")
 
 
 def _check_judge(config: TrainConfig) -> None:

@@ -19,6 +19,7 @@ import joblib
 import numpy as np
 
 from spgf_torch.config import IncompleteError, InputError
+from spgf_torch.extras import needed
 from spgf_torch.trials.attempts import Case, Ended, try_chunk, try_in_cell
 from spgf_torch.trials.cell import Cell
 
@@ -98,11 +99,13 @@ def runner_of(workers: int = 0, limit: float | None = None, address: str | None 
 
 
 def check_address(runner: str, address: str | None) -> None:
-    """InputError unless there is a scheduler's address with `runner` dask, and only then."""
+    """InputError unless there is a scheduler's address with `runner` dask, and only then; or where Dask is missing."""
     if (runner == "dask") != bool(address):
         raise InputError(
             f"address: expected that of a Dask scheduler with runner=dask, and only then; got {address or 'none'}"
         )
+    if address:
+        needed("runner: dask", "distributed")
 
 
 class Dask:
@@ -118,10 +121,9 @@ class Dask:
     """
 
     def __init__(self, address: str, limit: float | None = None) -> None:
-        try:
-            from distributed import Client
-        except ImportError:
-            raise InputError("runner: dask needs pip install 'spgf-torch[cluster]', got neither") from None
+        needed("runner: dask", "distributed")
+        from distributed import Client
+
         self.address, self.limit = address, limit
         try:
             self.client = Client(address, timeout=PATIENCE, set_as_default=False)

@@ -1,0 +1,45 @@
+"""Imports run one way, heavy packages stay in their rooms: the contracts in pyproject.toml, held by import-linter."""
+
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+from doors import ROOT
+
+CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+# One a contract, and a room that may not have it.
+FORBIDDEN = {
+    "base": ("features/grid.py", "import spgf_torch.reporting.style"),
+    "sapien": ("proposing/propose.py", "import sapien.physx"),
+    "lightning": ("prototypes/kmeans.py", "from lightning.pytorch import Trainer"),
+    "sklearn": ("judging/course.py", "import sklearn"),
+    "open3d": ("scene/files.py", "import open3d"),
+    "hydra": ("predictor.py", "from hydra import main"),
+}
+
+
+def lint(folder: Path) -> subprocess.CompletedProcess:
+    """What `make check` calls, for the package and the contracts in a folder."""
+    command = [Path(sys.executable).with_name("lint-imports"), "--no-cache", "--no-logo", folder / "pyproject.toml"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True)
+
+
+def test_the_contracts_hold() -> None:
+    done = lint(ROOT)
+    assert not done.returncode, done.stdout + done.stderr
+
+
+def test_each_contract_can_be_broken(tmp_path: Path) -> None:
+    assert set(FORBIDDEN) == {contract["id"] for contract in CONTRACTS}
+    shutil.copytree(ROOT / "spgf_torch", tmp_path / "spgf_torch", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    for place, line in FORBIDDEN.values():
+        with (tmp_path / "spgf_torch" / place).open("a") as file:
+            file.write(f"\n{line}\n")
+    done = lint(tmp_path)
+    words = " ".join(done.stdout.split())
+    assert done.returncode == 1, done.stdout + done.stderr
+    for contract in CONTRACTS:
+        assert f"{contract['name']} BROKEN" in words, contract["name"]
