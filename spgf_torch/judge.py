@@ -19,6 +19,8 @@ TABLES = {"trials": "the trial tables that simulate leaves", "own_trials": "the 
 def run(config: JudgeConfig, folder: Path) -> None:
     """Sense the objects, try random and then chosen grasps, learn, measure; write judge and trials into `folder`."""
     needed("learning", "sklearn")
+    if config.runner == "dask":
+        needed("runner: dask", "distributed")
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
     for key, what in TABLES.items():
         if getattr(config, key) is not None:

@@ -11,6 +11,7 @@ from omegaconf import OmegaConf
 
 from spgf_torch.cli import door
 from spgf_torch.config import IncompleteError, InputError, SimulateConfig, plain
+from spgf_torch.extras import needed
 from spgf_torch.given import check_folder
 from spgf_torch.progress import Stages, show
 
@@ -27,6 +28,8 @@ def run(config: SimulateConfig, folder: Path) -> None:
 
     Raises IncompleteError where an object could not be finished; its manifest says why.
     """
+    if config.runner == "dask":
+        needed("runner: dask", "distributed")
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.objects.folders import read_objects

@@ -75,6 +75,8 @@ def _check_packages(config: TrainConfig) -> None:
         needed("features.descriptor: fpfh", "open3d")
     if config.judge != "none":
         needed(f"judge: {config.judge}", "sklearn")
+    if config.runner == "dask":
+        needed("runner: dask", "distributed")
     if config.ranking == JUDGE:
         needed(f"ranking: {JUDGE}", "sklearn")
 

@@ -99,13 +99,11 @@ def runner_of(workers: int = 0, limit: float | None = None, address: str | None 
 
 
 def check_address(runner: str, address: str | None) -> None:
-    """InputError unless there is a scheduler's address with `runner` dask, and only then; or where Dask is missing."""
+    """InputError unless there is a scheduler's address with `runner` dask, and only then."""
     if (runner == "dask") != bool(address):
         raise InputError(
             f"address: expected that of a Dask scheduler with runner=dask, and only then; got {address or 'none'}"
         )
-    if address:
-        needed("runner: dask", "distributed")
 
 
 class Dask:
