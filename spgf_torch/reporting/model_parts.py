@@ -13,9 +13,9 @@ from spgf_torch.affordance.model import GraspModel
 from spgf_torch.config import CLASSES, FeatureConfig, SensingConfig, typed
 from spgf_torch.features.spgf import spgf
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.prototypes import naming as rule
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.prototypes.naming import prototype_names, ring_shape
-from spgf_torch.reporting import names as rule
 from spgf_torch.reporting import scenes
 from spgf_torch.reporting.context import Context, Part
 from spgf_torch.reporting.learned import Ring, learned_grasps, rings
