@@ -16,9 +16,12 @@ from collections.abc import Iterator
 import numpy as np
 
 import spgf_torch
-from spgf_torch.config import InputError, SensingConfig, root, settings
+from spgf_torch.errors import InputError
 from spgf_torch.objects.library import load_objects
+from spgf_torch.paths import root
 from spgf_torch.sensing.cameras import cast, surround
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings
 
 
 def frames(count: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:

@@ -7,11 +7,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from spgf_torch.affordance.config import NESTED
 from spgf_torch.baselines.config import BaselineConfig, check_network
-from spgf_torch.cli import door
-from spgf_torch.config import NESTED
+from spgf_torch.cli.door import door
 from spgf_torch.extras import installed, remedy
-from spgf_torch.given import check_folder
+from spgf_torch.files.given import check_folder
 from spgf_torch.progress import Stages, console, show
 
 NO_PROTOTYPES = 0  # the K of a network

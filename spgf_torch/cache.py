@@ -28,8 +28,8 @@ from safetensors import SafetensorError
 from safetensors.torch import load, save
 from torch import Tensor
 
+from spgf_torch.files.writing import parts_in, write_bytes
 from spgf_torch.progress import console
-from spgf_torch.writing import parts_in, write_bytes
 
 OFF = ("", "off", "false", "none", "null")
 ENDING = ".safetensors"
@@ -41,7 +41,7 @@ ABANDONED = 3600  # s; a part this old belongs to nobody any more
 PACKAGE = Path(__file__).parent
 LIBRARIES = ("torch", "numpy", "scipy", "trimesh", "embreex", "lightning")
 # They compute nothing: the values of settings are part of a key themselves.
-NO_PROGRAM = ("spgf_torch.config", "spgf_torch.progress", "spgf_torch.cache")
+NO_PROGRAM = ("spgf_torch.errors", "spgf_torch.settings", "spgf_torch.paths", "spgf_torch.progress", "spgf_torch.cache")
 
 # Python 3.11 counts the depth of a syntax tree for all threads together: two that parse at once may fail (gh-106905).
 _PARSING = Lock()

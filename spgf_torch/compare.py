@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from spgf_torch.cli import door
-from spgf_torch.config import CompareConfig
+from spgf_torch.cli.door import door
 from spgf_torch.progress import console, show
+from spgf_torch.reporting.config import CompareConfig
 
 
 def run(config: CompareConfig, folder: Path) -> None:
     """Write tables and the learning curve into `folder`; show the table, the costs and who is ahead of whom."""
-    from spgf_torch.reporting.comparison import baseline_rows, compare, find_rows
-    from spgf_torch.reporting.runs import load_runs
+    from spgf_torch.reporting.data.comparison import baseline_rows, compare, find_rows
+    from spgf_torch.reporting.data.runs import load_runs
 
     def tell(line: str) -> None:
         console.print(f"compare: {line}")
@@ -23,10 +23,10 @@ def run(config: CompareConfig, folder: Path) -> None:
     rankings = dict.fromkeys([config.ranking, *config.rankings])
     comparisons = [compare(rows, config, ranking, tell) for ranking in rankings]
 
-    from spgf_torch.reporting.comparison_chart import learning_curves  # matplotlib: not before there is a curve
-    from spgf_torch.reporting.comparison_text import long_csv, markdown, terminal
-    from spgf_torch.reporting.page import drawn, png
-    from spgf_torch.writing import write_bytes, write_text
+    from spgf_torch.drawing.page import drawn, png
+    from spgf_torch.files.writing import write_bytes, write_text
+    from spgf_torch.reporting.figures.comparison_chart import learning_curves  # matplotlib: not before there is a curve
+    from spgf_torch.reporting.pages.comparison_text import long_csv, markdown, terminal
 
     write_text(folder / "comparison.md", markdown(comparisons))
     write_text(folder / "comparison.csv", long_csv(comparisons))

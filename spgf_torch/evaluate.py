@@ -8,9 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spgf_torch.cli import door
-from spgf_torch.config import EvaluateConfig, InputError, find
-from spgf_torch.given import NONE, check_folder, model_and_judge
+from spgf_torch.cli.door import door
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.config import EvaluateConfig
+from spgf_torch.files.given import NONE, check_folder, model_and_judge
+from spgf_torch.paths import find
 from spgf_torch.progress import Stages, show
 
 if TYPE_CHECKING:
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from spgf_torch.evaluation.executed import ObjectOutcome
     from spgf_torch.experiment.describe import Grasps
     from spgf_torch.experiment.execution import Executed
-    from spgf_torch.experiment.restored import Restored
+    from spgf_torch.experiment.loaded_model import Restored
     from spgf_torch.objects.grasp_object import GraspObject
     from spgf_torch.proposing.judge import Judge
 
@@ -36,11 +38,11 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.evaluation.files import write_json
     from spgf_torch.evaluation.tables import executed_table, scans_table
     from spgf_torch.experiment.execution import execute_best
+    from spgf_torch.files.writing import write_bytes
+    from spgf_torch.hands.hand import load_hand
     from spgf_torch.objects.folders import read_objects
-    from spgf_torch.reporting.failures import failures_picture
-    from spgf_torch.trials.hand import load_hand
-    from spgf_torch.trials.runner import Trials
-    from spgf_torch.writing import write_bytes
+    from spgf_torch.reporting.figures.failures import failures_picture
+    from spgf_torch.simulation.execute import Trials
 
     check_device(config.device)
     stages = Stages()
@@ -99,8 +101,8 @@ def _resolved(config: EvaluateConfig) -> EvaluateConfig:
 
 def _judge(config: EvaluateConfig) -> Judge | None:
     """The judge that ranks, if one does; a line tells which."""
-    from spgf_torch.config import plain
     from spgf_torch.proposing.judge import load_judge
+    from spgf_torch.settings import plain
 
     if config.judge is None:
         show("ranked by votes")
@@ -146,7 +148,7 @@ def models(config: EvaluateConfig) -> Callable[[GraspObject], Restored]:
     """The model that meets an object: one for all, or with `held_out` one that has not seen it."""
     from spgf_torch.affordance.model import load_model
     from spgf_torch.experiment.held_out import load_fold_models
-    from spgf_torch.experiment.restored import restore
+    from spgf_torch.experiment.loaded_model import restore
 
     run = find(config.model)
     if not config.held_out:
@@ -209,7 +211,7 @@ def _proposals(
 ) -> tuple[Grasps, Tensor]:
     """What the judge, or else the model, proposes for an object, alone or on a table, and the scores."""
     from spgf_torch.experiment.describe import Grasps
-    from spgf_torch.experiment.tried import open_hand
+    from spgf_torch.experiment.labelled_grasps import open_hand
     from spgf_torch.judging.clouds import seen_as
     from spgf_torch.proposing.judged import JudgedProposer, ranked
 

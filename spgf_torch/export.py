@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from spgf_torch.cli import door
-from spgf_torch.config import find
-from spgf_torch.datasets.config import ExportConfig, wanted_formats
+from spgf_torch.cli.door import door
 from spgf_torch.extras import needed
-from spgf_torch.given import check_folder
+from spgf_torch.files.given import check_folder
+from spgf_torch.formats.config import ExportConfig, wanted_formats
+from spgf_torch.paths import find
 from spgf_torch.progress import Stages, show
 
 
@@ -20,9 +20,9 @@ def run(config: ExportConfig, folder: Path) -> None:
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
-    from spgf_torch.datasets.folder import check_out, replacing
-    from spgf_torch.datasets.source import read_trial_set
-    from spgf_torch.datasets.write import files_table, rates_table, write_formats
+    from spgf_torch.formats.folder import check_out, replacing
+    from spgf_torch.formats.trial_sets import read_trial_set
+    from spgf_torch.formats.write_datasets import files_table, rates_table, write_formats
 
     out = Path(config.out).expanduser() if config.out else folder / "dataset"
     check_out(out, config.overwrite, [find(config.trials), find(config.objects), Path.cwd()])

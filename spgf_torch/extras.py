@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 
 # As it is imported -> as people know it, and the extra in pyproject.toml.
 PACKAGES = {

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from spgf_torch.cli import door
-from spgf_torch.config import JudgeConfig
+from spgf_torch.cli.door import door
 from spgf_torch.extras import needed
-from spgf_torch.given import check_folder
+from spgf_torch.files.given import check_folder
+from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.progress import Stages, show
 
 TABLES = {"trials": "the trial tables that simulate leaves", "own_trials": "the tables of own trials that judge leaves"}

@@ -8,14 +8,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spgf_torch.cli import door
-from spgf_torch.config import GRASP_TYPES, PredictConfig
+from spgf_torch.cli.door import door
 from spgf_torch.extras import installed, remedy
-from spgf_torch.given import check_files, model_and_judge
+from spgf_torch.files.given import check_files, model_and_judge
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.progress import Stages, show
+from spgf_torch.scene.config import PredictConfig
 
 if TYPE_CHECKING:
-    from spgf_torch.exporting.records import Grasp
+    from spgf_torch.hands.records import Grasp
     from spgf_torch.predictor import Predictor
     from spgf_torch.scene.scene import Scene
 
@@ -66,9 +67,9 @@ def _write_page(
     folder: Path, grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, told: Sequence[str | None]
 ) -> None:
     """The picture and, where plotly is installed, the page, with the lines that are told."""
-    from spgf_torch.exporting.scene import Beside
-    from spgf_torch.exporting.scene_page import write_scene_page
-    from spgf_torch.exporting.weighed_words import weighed_words
+    from spgf_torch.drawing.grasp_page import write_scene_page
+    from spgf_torch.drawing.grasp_scene import Beside
+    from spgf_torch.drawing.weighed_words import weighed_words
     from spgf_torch.proposing.weighing import weighed
 
     words: tuple[str, ...] = ()
@@ -97,10 +98,10 @@ def run(config: PredictConfig, folder: Path) -> None:
     import numpy as np
 
     from spgf_torch.affordance.model import check_device
-    from spgf_torch.exporting.graspnet import write_graspnet
-    from spgf_torch.exporting.grasps_json import write_grasps
-    from spgf_torch.exporting.isaac import write_isaac
-    from spgf_torch.exporting.table import grasp_table
+    from spgf_torch.drawing.grasp_table import grasp_table
+    from spgf_torch.formats.graspnet import write_graspnet
+    from spgf_torch.formats.grasps_json import write_grasps
+    from spgf_torch.formats.isaac import write_isaac
     from spgf_torch.predictor import Predictor, sensing_of
     from spgf_torch.scene.assembly import read_scene
 

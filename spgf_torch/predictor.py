@@ -20,11 +20,14 @@ import torch
 
 from spgf_torch.affordance.model import GraspModel, check_device, load_model, model_settings
 from spgf_torch.affordance.sensed_collision import hand_volume
-from spgf_torch.config import HandConfig, InputError, ProposingConfig, SceneConfig, SensingConfig, settings, typed
-from spgf_torch.exporting.records import Grasp, Gripper, grippers_of, make_grasp
-from spgf_torch.given import model_and_judge
+from spgf_torch.errors import InputError
+from spgf_torch.files.given import model_and_judge
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import load_hand
+from spgf_torch.hands.records import Grasp, Gripper, grippers_of, make_grasp
 from spgf_torch.proposing.borders import Borders
 from spgf_torch.proposing.clearance import Plane, Surroundings
+from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.judge import Judge, load_judge
 from spgf_torch.proposing.judge_features import Seen
 from spgf_torch.proposing.judged import JudgedProposer
@@ -32,10 +35,12 @@ from spgf_torch.proposing.propose import Proposals, Proposer
 from spgf_torch.prototypes.naming import prototype_names
 from spgf_torch.scene.arrays import cloud_of_arrays
 from spgf_torch.scene.assembly import texlets_of
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.scene import Scene, check_spacing
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.sensing.unseen import DepthView
-from spgf_torch.trials.hand import load_hand
+from spgf_torch.settings import settings, typed
 
 # m that the hand waits back from a grasp before it approaches: a finger's length of the SDH-2.
 RETREAT = 0.1

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from spgf_torch.cli import door
-from spgf_torch.config import ReportConfig
+from spgf_torch.cli.door import door
 from spgf_torch.extras import needed
 from spgf_torch.progress import Stages, show
+from spgf_torch.reporting.config import ReportConfig
 
 
 def run(config: ReportConfig, folder: Path) -> None:
     """Write tables, pictures and `index.html` into `folder`; show the table."""
     needed("index.html", "plotly")
 
-    from spgf_torch.reporting.runs import Notes, load_runs
+    from spgf_torch.reporting.data.runs import Notes, load_runs
 
     notes, stages = Notes(), Stages()
     runs = load_runs(config.runs, notes, pictured=True)
 
-    from spgf_torch.reporting.build import build  # brings torch and matplotlib: not before there is something to draw
-    from spgf_torch.reporting.table1 import terminal
+    from spgf_torch.reporting.pages.build import (
+        build,  # brings torch and matplotlib: not before there is something to draw
+    )
+    from spgf_torch.reporting.pages.table1 import terminal
 
     groups = build(config, runs, folder, stages, notes)
     show(terminal(groups))

@@ -9,16 +9,18 @@ from typing import TYPE_CHECKING
 
 from omegaconf import OmegaConf
 
-from spgf_torch.cli import door
-from spgf_torch.config import IncompleteError, InputError, SimulateConfig, plain
+from spgf_torch.cli.door import door
+from spgf_torch.errors import IncompleteError, InputError
 from spgf_torch.extras import needed
-from spgf_torch.given import check_folder
+from spgf_torch.files.given import check_folder
 from spgf_torch.progress import Stages, show
+from spgf_torch.settings import plain
+from spgf_torch.simulation.config import SimulateConfig
 
 if TYPE_CHECKING:
     from spgf_torch.objects.grasp_object import GraspObject
-    from spgf_torch.trials.journal import Journal
-    from spgf_torch.trials.runners import Runner
+    from spgf_torch.simulation.executors import Runner
+    from spgf_torch.simulation.run_state import Journal
 
 SHOWN = 5  # objects that failed and incidents told one by one; the manifest has all
 
@@ -32,14 +34,14 @@ def run(config: SimulateConfig, folder: Path) -> None:
         needed("runner: dask", "distributed")
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
+    from spgf_torch.files.sealing import sealed_yaml
+    from spgf_torch.files.writing import write_bytes
+    from spgf_torch.hands.hand import load_hand
     from spgf_torch.objects.folders import read_objects
-    from spgf_torch.sealing import sealed_yaml
-    from spgf_torch.trials.attempts import Trials
-    from spgf_torch.trials.campaign import Campaign, Plan, finished
-    from spgf_torch.trials.hand import load_hand
-    from spgf_torch.trials.journal import Journal, rows_of
-    from spgf_torch.trials.runner import made_with, origin
-    from spgf_torch.writing import write_bytes
+    from spgf_torch.simulation.attempts import Trials
+    from spgf_torch.simulation.execute import made_with, origin
+    from spgf_torch.simulation.generation import Campaign, Plan, finished
+    from spgf_torch.simulation.run_state import Journal, rows_of
 
     share, out = share_of(config), Path(config.out) if config.out else folder
     stages = Stages()
@@ -74,8 +76,8 @@ def run(config: SimulateConfig, folder: Path) -> None:
 
 def share_of(config: SimulateConfig) -> tuple[int, int]:
     """(i, n) of `shard`. Raises InputError for another key that does not go with what else is set, too."""
-    from spgf_torch.trials.runners import check_address
-    from spgf_torch.trials.table import OUTCOMES
+    from spgf_torch.simulation.executors import check_address
+    from spgf_torch.simulation.table import OUTCOMES
 
     match = re.fullmatch(r"([1-9]\d{0,5})/([1-9]\d{0,5})", config.shard)
     if match is None or int(match[1]) > int(match[2]):
@@ -90,7 +92,7 @@ def share_of(config: SimulateConfig) -> tuple[int, int]:
 
 def runner_of(config: SimulateConfig) -> Runner:
     """Where the trials run."""
-    from spgf_torch.trials.runners import Dask, Local
+    from spgf_torch.simulation.executors import Dask, Local
 
     if config.address:
         return Dask(config.address, config.time_limit)
@@ -100,7 +102,7 @@ def runner_of(config: SimulateConfig) -> Runner:
 def _show_rates(out: Path, objects: Sequence[GraspObject]) -> int:
     """Chance on the objects that have their table; how many these are."""
     from spgf_torch.evaluation.tables import random_rates
-    from spgf_torch.trials.table import read_table, table_path
+    from spgf_torch.simulation.table import read_table, table_path
 
     rows = []
     for obj in objects:

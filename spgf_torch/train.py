@@ -15,10 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from spgf_torch.cli import door, write_settings
-from spgf_torch.config import JUDGE, InputError, TrainConfig, root
+from spgf_torch.affordance.config import JUDGE
+from spgf_torch.cli.door import door, write_settings
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.extras import needed
-from spgf_torch.given import check_folder
+from spgf_torch.files.given import check_folder
+from spgf_torch.paths import root
 from spgf_torch.progress import Stages, show
 
 if TYPE_CHECKING:
@@ -26,7 +29,7 @@ if TYPE_CHECKING:
     from spgf_torch.experiment.experiment import Design
     from spgf_torch.judging.course import Course
     from spgf_torch.objects.grasp_object import GraspObject
-    from spgf_torch.trials.table import TrialTable
+    from spgf_torch.simulation.table import TrialTable
 
 
 def run(config: TrainConfig, folder: Path) -> None:
@@ -113,9 +116,9 @@ def _tables(
     They are where a judge is learned, `trials` is not given, and what it stands for is of another hand or other
     objects.
     """
-    from spgf_torch.experiment.tried import tables_of
-    from spgf_torch.trials.attempts import Trials
-    from spgf_torch.trials.hand import load_hand
+    from spgf_torch.experiment.labelled_grasps import tables_of
+    from spgf_torch.hands.hand import load_hand
+    from spgf_torch.simulation.attempts import Trials
 
     try:
         return tables_of(objects, config.trials, Trials(load_hand(config.hand), config.episode), config.sampler), False
@@ -149,9 +152,9 @@ def _votes(
     from spgf_torch.experiment.describe import Description
     from spgf_torch.experiment.experiment import Experiment
     from spgf_torch.experiment.held_out import save_fold_models
-    from spgf_torch.experiment.space import Example
-    from spgf_torch.experiment.tried import Tried, dataset_digest, open_hand
-    from spgf_torch.writing import write_text
+    from spgf_torch.experiment.labelled_grasps import Tried, dataset_digest, open_hand
+    from spgf_torch.experiment.training_set import Example
+    from spgf_torch.files.writing import write_text
 
     tried = [Tried.of(table) for table in tables]
     volumes = open_hand(config.hand)

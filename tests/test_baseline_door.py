@@ -13,15 +13,16 @@ from omegaconf import OmegaConf
 
 from spgf_torch.baseline import run
 from spgf_torch.baselines.config import BaselineConfig
-from spgf_torch.cli import slug
-from spgf_torch.config import InputError, plain, typed
-from spgf_torch.datasets.card import checksums
-from spgf_torch.datasets.config import ExportConfig
+from spgf_torch.cli.door import slug
+from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.export import run as export
-from spgf_torch.reporting.runs import read_per_object, read_run
-from spgf_torch.sealing import KEY, sealed_json
-from spgf_torch.trials.table import TrialTable, read_table, write_table
+from spgf_torch.files.sealing import KEY, sealed_json
+from spgf_torch.formats.card import checksums
+from spgf_torch.formats.config import ExportConfig
+from spgf_torch.reporting.data.runs import read_per_object, read_run
+from spgf_torch.settings import plain, typed
+from spgf_torch.simulation.table import TrialTable, read_table, write_table
 
 ROOT = Path(__file__).parents[1]
 NAMES = ("apple", "box_tea", "egg", "sponge")

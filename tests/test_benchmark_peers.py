@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 import torch
 
-from spgf_torch.config import InputError, SensingConfig, settings
+from spgf_torch.errors import InputError
 from spgf_torch.judging.clouds import seen_as
 from spgf_torch.objects.library import load_object
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings
 
 BENCHMARKS = Path(__file__).parent / "benchmarks"
 sys.path.append(str(BENCHMARKS))

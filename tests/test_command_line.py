@@ -12,10 +12,14 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from spgf_torch.baselines.config import BaselineConfig
-from spgf_torch.cli import _config, slug
-from spgf_torch.command_line import translated
-from spgf_torch.config import EvaluateConfig, InputError, PredictConfig, ReportConfig, SimulateConfig, TrainConfig
-from spgf_torch.datasets.config import ExportConfig
+from spgf_torch.cli.command_line import translated
+from spgf_torch.cli.door import _config, slug
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
+from spgf_torch.formats.config import ExportConfig
+from spgf_torch.reporting.config import ReportConfig
+from spgf_torch.scene.config import PredictConfig
+from spgf_torch.simulation.config import SimulateConfig
 
 CONF = Path(__file__).parents[1] / "conf"
 KINDS = {

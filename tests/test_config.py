@@ -8,8 +8,11 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from spgf_torch import config
-from spgf_torch.cli import slug
-from spgf_torch.config import EvaluateConfig, InputError, SimulateConfig, TrainConfig, plain, settings, typed
+from spgf_torch.cli.door import slug
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
+from spgf_torch.settings import plain, settings, typed
+from spgf_torch.simulation.config import SimulateConfig
 
 CONF = Path(__file__).parents[1] / "conf"
 OmegaConf.register_new_resolver("slug", slug, replace=True)

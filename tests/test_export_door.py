@@ -11,15 +11,16 @@ import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from spgf_torch.config import InputError, typed
-from spgf_torch.datasets.acronym import read_acronym
-from spgf_torch.datasets.card import check_card
-from spgf_torch.datasets.config import FORMATS, ExportConfig
-from spgf_torch.datasets.samples import read_samples
-from spgf_torch.datasets.shards import read_shards
+from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.export import run
-from spgf_torch.trials.table import TrialTable, read_table, write_table
+from spgf_torch.formats.acronym import read_acronym
+from spgf_torch.formats.card import check_card
+from spgf_torch.formats.config import FORMATS, ExportConfig
+from spgf_torch.formats.samples import read_samples
+from spgf_torch.formats.shards import read_shards
+from spgf_torch.settings import typed
+from spgf_torch.simulation.table import TrialTable, read_table, write_table
 
 ROOT = Path(__file__).parents[1]
 NAMES = ("apple", "egg", "sponge")

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from doors import ROOT, python
 
-from spgf_torch.config import InputError
-from spgf_torch.datasets.acronym import read_acronym
+from spgf_torch.errors import InputError
 from spgf_torch.extras import PACKAGES, installed, needed
-from spgf_torch.trials.runners import Dask
+from spgf_torch.formats.acronym import read_acronym
+from spgf_torch.simulation.executors import Dask
 
 # Command, its settings, the package that is not there, the line.
 CALLS = [

@@ -10,7 +10,7 @@ from doors import python
 HEAVY = ("sapien", "lightning", "hydra", "matplotlib", "pytorch_kinematics", "trimesh")
 LIGHT = (
     "geometry.se3",
-    "geometry.neighbours",
+    "ops.neighbours",
     "features.spgf",
     "prototypes.kmeans",
     "prototypes.search",

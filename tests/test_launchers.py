@@ -12,8 +12,8 @@ from doors import python
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from spgf_torch.cli import slug
-from spgf_torch.multirun import lines
+from spgf_torch.cli.door import slug
+from spgf_torch.cli.multirun import lines
 
 ROOT = Path(__file__).parents[1]
 NAMES = ("bowl_sugar", "mug_coffee", "jar_jam", "tumbler", "soap_bar", "box_tea", "sponge", "apple", "egg", "can_soda")
@@ -34,7 +34,7 @@ TINY = [
 TOY = """
 import json, sys
 from pathlib import Path
-from spgf_torch.cli import door
+from spgf_torch.cli.door import door
 from spgf_torch.config import TrainConfig
 
 def run(config: TrainConfig, folder: Path) -> None:

@@ -12,10 +12,10 @@ from doors import call
 sys.path.insert(0, str(Path(__file__).parent / "reporting"))
 from report_runs import write_run
 
-from spgf_torch.config import ReportConfig
 from spgf_torch.progress import Stages
-from spgf_torch.reporting.build import build
-from spgf_torch.reporting.runs import Notes, load_runs
+from spgf_torch.reporting.config import ReportConfig
+from spgf_torch.reporting.data.runs import Notes, load_runs
+from spgf_torch.reporting.pages.build import build
 
 ROOT = Path(__file__).parents[1]
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

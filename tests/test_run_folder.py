@@ -8,7 +8,7 @@ from doors import python
 TOY = """
 import sys
 from pathlib import Path
-from spgf_torch.cli import door
+from spgf_torch.cli.door import door
 from spgf_torch.config import InputError, TrainConfig
 from spgf_torch.progress import show
 

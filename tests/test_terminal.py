@@ -13,7 +13,7 @@ from doors import ROOT, python
 TOY = """
 import sys, time
 from pathlib import Path
-from spgf_torch.cli import door
+from spgf_torch.cli.door import door
 from spgf_torch.config import ReportConfig
 from spgf_torch.progress import console, show
 

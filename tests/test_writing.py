@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from spgf_torch.writing import parts_in, write_bytes, write_text
+from spgf_torch.files.writing import parts_in, write_bytes, write_text
 
 
 def test_a_file_is_replaced(tmp_path: Path) -> None:
@@ -39,7 +39,7 @@ def test_what_fails_leaves_the_old_file_alone(call: str, tmp_path: Path, monkeyp
 LIMITED = """
 import resource, signal, sys
 from pathlib import Path
-from spgf_torch.writing import write_bytes
+from spgf_torch.files.writing import write_bytes
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 write_bytes(Path(sys.argv[1]), bytes(100_000))

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.config import GRASP_TYPES
+from spgf_torch.hands.config import GRASP_TYPES
 
 # Standard deviation of the prior on each weight: keeps the fit finite where a class of outcomes is absent.
 PRIOR = 10.0

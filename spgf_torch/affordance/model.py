@@ -20,24 +20,21 @@ from safetensors.torch import load_file, save
 from torch import Tensor
 
 from spgf_torch.affordance.calibration import TERMS, Calibration, uncalibrated
-from spgf_torch.affordance.lattice import Kernel, Lattice, gaussian_kernel
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.neighbourhood import Condensed, condense
 from spgf_torch.affordance.pairs import CellPairs, lattice_of, points_of, shape_grasp_particles
 from spgf_torch.affordance.voting import Votes, VotingIndex, cast_votes
-from spgf_torch.config import (
-    GRASP_TYPES,
-    AffordanceConfig,
-    FeatureConfig,
-    HandConfig,
-    InputError,
-    PrototypeConfig,
-    SensingConfig,
-    typed,
-)
+from spgf_torch.errors import InputError
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import width
-from spgf_torch.reading import existing, json_values, unreadable
-from spgf_torch.sealing import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
-from spgf_torch.writing import write_bytes
+from spgf_torch.files.reading import existing, json_values, unreadable
+from spgf_torch.files.sealing import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
+from spgf_torch.files.writing import write_bytes
+from spgf_torch.geometry.lattice import Kernel, Lattice, gaussian_kernel
+from spgf_torch.hands.config import GRASP_TYPES, HandConfig
+from spgf_torch.prototypes.config import PrototypeConfig
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import typed
 
 FORMAT = "spgf_torch model"
 SCHEMA = 2

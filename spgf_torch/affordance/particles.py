@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from spgf_torch.config import GRASP_TYPES
 from spgf_torch.geometry import se3
+from spgf_torch.hands.config import GRASP_TYPES
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,10 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.calibration import Calibration
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.affordance.voting import Votes
-from spgf_torch.config import GRASP_TYPES, AffordanceConfig
+from spgf_torch.hands.config import GRASP_TYPES
 
 # Far below any score, yet above no support at all: sensed collisions keep their order among themselves.
 COLLIDING = -1e3

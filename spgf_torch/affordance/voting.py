@@ -11,23 +11,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.affordance.casting import NO_POINT, ROWS, find_points, poll
-from spgf_torch.affordance.lattice import Lattice
 from spgf_torch.affordance.neighbourhood import Condensed, Counts
-from spgf_torch.affordance.pairs import columns_of, numbers_of, poses_of
 from spgf_torch.affordance.particles import Points
-from spgf_torch.config import GRASP_TYPES
-from spgf_torch.threads import in_parts
-
-# Pairs whose votes are looked up together, on an accelerator and on a CPU.
-TOGETHER = (1 << 24, 1 << 17)
-
-# On a CPU: grasps polled together, and queries that search side by side.
-GRASPS_TOGETHER, QUERIES_TOGETHER = 512, 1024
+from spgf_torch.geometry.lattice import Lattice
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.ops.accumulate_votes import Candidates, Voters, accumulate_votes
+from spgf_torch.ops.look_up import NO_POINT, Table, look_up
 
 
 @dataclass(frozen=True)
@@ -49,68 +41,33 @@ class Votes:
 class VotingIndex:
     """Finds condensed points by slice and cell.
 
-    A dense table would be fastest but holds `lattice.cells` entries a slice. On a CPU the points of a rotation and
-    first step of the voxel are found at once, and the cell by a binary search: few, and next to each other in memory.
-    Elsewhere all points are searched, in the order of the queries, so that neighbours in memory are asked for together.
+    A dense table would be fastest but holds `lattice.cells` entries a slice.
     """
 
     def __init__(self, condensed: Condensed, lattice: Lattice) -> None:
         self.condensed, self.lattice = condensed, lattice
 
-    @property
-    def rows(self) -> int:
-        """Rows of `side` * `side` cells in a slice."""
-        return self.lattice.rotations * self.lattice.side
-
     @cached_property
-    def start(self) -> Tensor:
-        """(S * rows + 1,) int32: points of row r in slice s are start[s * rows + r] : start[s * rows + r + 1]."""
+    def table(self) -> Table:
+        """Where the points of each row of the lattice begin, and their cells."""
         slices, cell = self.condensed.slice_start.tolist(), self.condensed.cell
-        first = torch.arange(self.rows, device=cell.device, dtype=cell.dtype) * self.lattice.side**2
+        first = torch.arange(self.lattice.rows, device=cell.device, dtype=cell.dtype) * self.lattice.row_size
         starts = [a + torch.searchsorted(cell[a:b], first, out_int32=True) for a, b in pairwise(slices)]
-        return torch.cat([*starts, self.condensed.slice_start[-1:].int()])
-
-    @cached_property
-    def key(self) -> Tensor:
-        """(P,) int64: slice and cell of each point in one number, ascending."""
-        return self.condensed.slice_of_point() * self.lattice.cells + self.condensed.cell
+        return Table(torch.cat([*starts, self.condensed.slice_start[-1:].int()]), cell)
 
     def find(self, slice_: Tensor, cell: Tensor) -> Tensor:
         """Point of each (slice, cell), (P,) int32 each -> (P,) int64; NO_POINT where support was too small."""
-        if slice_.device.type != "cpu":
-            return self.searched(slice_, cell)
-        point, points = torch.empty(len(cell), dtype=torch.int64), (self.start.numpy(), self.condensed.cell.numpy())
-        numbers = np.empty((2, QUERIES_TOGETHER), np.int64)
-        find_points(*points, self.rows, self.lattice.side, slice_.numpy(), cell.numpy(), numbers, point.numpy())
-        return point
-
-    def searched(self, slice_: Tensor, cell: Tensor) -> Tensor:
-        """The same by torch's operations."""
-        if len(self.key) == 0:
-            return torch.full_like(cell, NO_POINT, dtype=torch.int64)
-        ascending, order = (slice_.long() * self.lattice.cells + cell).sort()
-        at = torch.searchsorted(self.key, ascending).clamp_(max=len(self.key) - 1)
-        found = torch.where(self.key.index_select(0, at) == ascending, at, NO_POINT)
-        return torch.empty_like(found).scatter_(0, order, found)
+        return look_up(self.table, self.lattice.rows, self.lattice.row_size, slice_, cell)
 
 
 def cast_votes(index: VotingIndex, points: Points, grasp: Tensor) -> Votes:
     """Votes at the points (P,) of feature-grasp pairs through a condensed model; grasp (P,) of each pair."""
-    condensed = index.condensed
-
-    def cast(part: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
-        slice_, cell, voted_on = part
-        point = index.find(slice_, cell)
-        found = (point != NO_POINT).nonzero()[:, 0]
-        point = point.index_select(0, found)
-        learned = (column.index_select(0, point) for column in (condensed.probability, condensed.support))
-        prototype = slice_.index_select(0, found) // len(GRASP_TYPES)
-        return voted_on.index_select(0, found).long(), prototype.long(), *learned
-
-    parts = zip(
-        *(c.split(TOGETHER[grasp.device.type == "cpu"]) for c in (points.slice, points.cell, grasp)), strict=True
-    )
-    return Votes(*(torch.cat(column) for column in zip(*in_parts(cast, parts), strict=True)))
+    point = index.find(points.slice, points.cell)
+    found = (point != NO_POINT).nonzero()[:, 0]
+    point = point.index_select(0, found)
+    probability, support = (c.index_select(0, point) for c in (index.condensed.probability, index.condensed.support))
+    prototype = points.slice.index_select(0, found) // len(GRASP_TYPES)
+    return Votes(grasp.index_select(0, found).long(), prototype.long(), probability, support)
 
 
 @dataclass(frozen=True)
@@ -124,28 +81,14 @@ class Poll:
 def polled(
     index: VotingIndex, worth: Tensor, T_object_feature: Tensor, ids: Tensor, T_object_grasp: Tensor, kind: Tensor
 ) -> Poll:
-    """The votes of features (F, 4, 4) of prototypes ids (F,) on grasps (G, 4, 4) of types kind (G,), on the CPU.
+    """The votes of features (F, 4, 4) of prototypes ids (F,) on grasps (G, 4, 4) of types kind (G,).
 
     As pairs and their votes say, but none of these is listed. worth (P,) f32: of a vote that finds the point.
     """
-    order = torch.argsort(ids, stable=True)  # of one prototype after the other: their points stay in the cache
-    features, slice_ = poses_of(T_object_feature[order]), (ids[order].long() * len(GRASP_TYPES)).numpy()
-    grasps, of_type = columns_of(T_object_grasp), kind.long().numpy()
-    reach, voxel, side, edges = numbers_of(index.lattice)
-    points, sums = (index.start.numpy(), index.condensed.cell.numpy()), np.zeros((2, len(of_type)))
-
-    def work(first: int) -> None:
-        part = slice(first, first + GRASPS_TOGETHER)
-        position, quaternion = (np.ascontiguousarray(column[:, part]) for column in grasps)
-        asked, size = (position, quaternion, of_type[part]), position.shape[1]
-        memory, found = (np.empty((ROWS, size)), np.empty(size, np.int32)), np.zeros((2, size))
-        numbers, rows, worths = np.empty((4, size), np.int64), index.rows, worth.numpy()
-        poll(*features, slice_, *asked, reach, voxel, side, edges, *memory, *points, rows, worths, numbers, found)
-        sums[:, part] = found
-
-    list(in_parts(work, range(0, len(of_type), GRASPS_TOGETHER)))
-    votes, total = torch.from_numpy(sums)
-    return Poll(votes.long(), total.float())
+    voters = Voters(T_object_feature, ids.long() * len(GRASP_TYPES))
+    candidates = Candidates(T_object_grasp, kind.long())
+    votes, total = accumulate_votes(voters, candidates, index.table, worth, index.lattice.numbers)
+    return Poll(votes, total.float())
 
 
 def counted_votes(counts: Counts, points: Points, grasp: Tensor, min_support: float) -> Votes:

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from spgf_torch.config import (
-    NESTED,
-    EpisodeConfig,
-    InputError,
-    ObjectsConfig,
-    SamplerConfig,
-    SensingConfig,
-    bounded,
-    choice,
-    text,
-)
+from spgf_torch.affordance.config import NESTED
+from spgf_torch.errors import InputError
+from spgf_torch.objects.config import ObjectsConfig
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import bounded, choice, text
+from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig
 
 # What a network's logits can rank grasps by: of the rankings of votes, those that need nothing else (`folds.scores`).
 RANKINGS = ("calibrated", "log_odds", "log_odds_free")

@@ -18,10 +18,10 @@ from spgf_torch.baselines.folds import MODEL, Judged, calibrated, scores
 from spgf_torch.baselines.kept import read_tensors
 from spgf_torch.baselines.pointnet import PointNet, judge
 from spgf_torch.cache import Cache
-from spgf_torch.datasets.config import SamplesConfig
-from spgf_torch.datasets.samples import CHUNK, grasp_clouds
 from spgf_torch.experiment.costs import OBJECTS
 from spgf_torch.experiment.describe import Description, Steps
+from spgf_torch.formats.config import SamplesConfig
+from spgf_torch.formats.samples import CHUNK, grasp_clouds
 
 
 def costs(

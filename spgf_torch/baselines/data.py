@@ -9,17 +9,20 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import check_device
 from spgf_torch.baselines.config import BaselineConfig
 from spgf_torch.baselines.samples import Samples, load_samples, open_export, shards_of
 from spgf_torch.cache import Cache, fingerprint, program
-from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, plain, settings
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.experiment.describe import Description, Steps
-from spgf_torch.experiment.tried import Tried, dataset_digest, open_hand, tried_grasps
+from spgf_torch.experiment.labelled_grasps import Tried, dataset_digest, open_hand, tried_grasps
+from spgf_torch.features.config import FeatureConfig
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.folders import read_objects
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
+from spgf_torch.settings import plain, settings
 
 AUTO = "auto"  # device: the GPU, if there is one
 

@@ -19,8 +19,8 @@ from lightning.pytorch.plugins.environments import LightningEnvironment
 from spgf_torch.baselines.kept import AGAIN, read_checkpoint, write_checkpoint
 from spgf_torch.baselines.module import LOSS, GraspJudge
 from spgf_torch.extras import installed
-from spgf_torch.reading import unreadable
-from spgf_torch.sealing import is_sealed
+from spgf_torch.files.reading import unreadable
+from spgf_torch.files.sealing import is_sealed
 
 LAST, BEST, LOGS, CSV = "last.ckpt", "best.ckpt", "logs", "csv"
 

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.calibration import Calibration, fit_calibration, uncalibrated
+from spgf_torch.affordance.config import NESTED
 from spgf_torch.affordance.ranking import COLLIDING
 from spgf_torch.baselines.config import BaselineConfig
 from spgf_torch.baselines.data import Data
@@ -19,11 +20,12 @@ from spgf_torch.baselines.kept import read_tensors, write_tensors
 from spgf_torch.baselines.module import GraspJudge, Task
 from spgf_torch.baselines.pointnet import PointNet, judge
 from spgf_torch.baselines.samples import Samples
-from spgf_torch.config import GRASP_TYPES, NESTED, InputError
+from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_order
 from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.success import top_n
 from spgf_torch.geometry import se3
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.progress import Stages, console
 
 MODEL, JUDGED = "model.safetensors", "judged.safetensors"

@@ -15,8 +15,8 @@ from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits, one_hot
 
 from spgf_torch.baselines.config import AugmentConfig, NetworkConfig
-from spgf_torch.config import GRASP_TYPES
 from spgf_torch.geometry.se3 import rotation_about
+from spgf_torch.hands.config import GRASP_TYPES
 
 CHUNK = 512  # clouds judged at once: the activations of a layer stay below 100 MB
 

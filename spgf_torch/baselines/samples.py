@@ -12,13 +12,16 @@ import torch
 from torch import Tensor
 
 from spgf_torch.baselines.config import BaselineConfig
-from spgf_torch.config import GRASP_TYPES, InputError, find, plain
-from spgf_torch.datasets.card import CARD, check_files, read_card
-from spgf_torch.datasets.samples import Sample, read_samples, shard_name
-from spgf_torch.datasets.tar import check_whole
-from spgf_torch.experiment.tried import Tried
-from spgf_torch.exporting.checks import entry, number, whole
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.labelled_grasps import Tried
+from spgf_torch.files.checks import entry, number, whole
+from spgf_torch.formats.card import CARD, check_files, read_card
+from spgf_torch.formats.samples import Sample, read_samples, shard_name
+from spgf_torch.formats.tar import check_whole
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.paths import find
+from spgf_torch.settings import plain
 
 SAMPLES = Path("webdataset", "samples")
 HOW = "python -m spgf_torch.export format=webdataset"

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.progress import console
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from spgf_torch.config import CLASSES, TrainConfig
 from spgf_torch.evaluation.results import chosen_words
 from spgf_torch.evaluation.success import TYPES
+from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.objects.config import CLASSES
 
 USE = """\
 Rank candidate two-finger grasps of this hand on household-sized rigid objects that were sensed from several sides:

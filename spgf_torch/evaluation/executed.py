@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.config import EvaluateConfig
 from spgf_torch.evaluation.reliability import reliability
 from spgf_torch.evaluation.success import Rates, bootstrap_interval, class_means
+from spgf_torch.experiment.config import EvaluateConfig
 
 SCHEMA = 1
 

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.config import GRASP_TYPES, NESTED
+from spgf_torch.affordance.config import NESTED
 from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.results import object_rates
 from spgf_torch.evaluation.success import TYPES
-from spgf_torch.sealing import BLANK, KEY, digest_of, sealed, sealed_json
-from spgf_torch.writing import write_bytes, write_text
+from spgf_torch.files.sealing import BLANK, KEY, digest_of, sealed, sealed_json
+from spgf_torch.files.writing import write_bytes, write_text
+from spgf_torch.hands.config import GRASP_TYPES
 
 DIGITS = 6
 RESULTS, FILES = "results.json", "files"

@@ -10,7 +10,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from spgf_torch.experiment.cross_validation import Predicted
-    from spgf_torch.experiment.tried import Tried
+    from spgf_torch.experiment.labelled_grasps import Tried
     from spgf_torch.objects.grasp_object import GraspObject
 
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.config import CLASSES, GRASP_TYPES, JUDGE, NESTED, InputError, TrainConfig
+from spgf_torch.affordance.config import JUDGE, NESTED
+from spgf_torch.errors import InputError
 from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.reliability import brier, reliability
 from spgf_torch.evaluation.success import (
@@ -22,7 +23,10 @@ from spgf_torch.evaluation.success import (
     random_rate,
     top_n,
 )
-from spgf_torch.reading import json_values
+from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.files.reading import json_values
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.objects.config import CLASSES
 
 SCHEMA = 1
 

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from spgf_torch.config import CLASSES, GRASP_TYPES
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.objects.config import CLASSES
 
 TYPES = (*GRASP_TYPES, "CG")
 

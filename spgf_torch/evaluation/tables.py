@@ -9,10 +9,12 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from spgf_torch.config import CLASSES, GRASP_TYPES, JUDGE, NESTED
+from spgf_torch.affordance.config import JUDGE, NESTED
 from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.results import chosen_words
 from spgf_torch.evaluation.success import TYPES, class_means, random_rate
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.objects.config import CLASSES
 
 SHORT = {"containers": "cont"}  # as in the paper's Table 1: the table fits 80 columns
 

@@ -10,8 +10,8 @@ from statistics import median
 from spgf_torch.affordance.model import GraspModel
 from spgf_torch.cache import Cache
 from spgf_torch.experiment.describe import Description, Steps
-from spgf_torch.experiment.restored import Restored
-from spgf_torch.experiment.tried import Tried
+from spgf_torch.experiment.labelled_grasps import Tried
+from spgf_torch.experiment.loaded_model import Restored
 from spgf_torch.objects.grasp_object import GraspObject
 
 # Objects that are predicted on: seconds in all, and the median is not one object's.

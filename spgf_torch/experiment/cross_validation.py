@@ -14,11 +14,11 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.calibration import Calibration, fit_calibration
+from spgf_torch.affordance.config import NESTED, RANKINGS, AffordanceConfig
 from spgf_torch.affordance.ranking import Judged, rankings
-from spgf_torch.config import NESTED, RANKINGS, AffordanceConfig
 from spgf_torch.experiment.describe import Described
 from spgf_torch.experiment.execution import best_grasps
-from spgf_torch.experiment.space import Example, TrainedSpace
+from spgf_torch.experiment.training_set import Example, TrainedSpace
 
 
 @dataclass(frozen=True)

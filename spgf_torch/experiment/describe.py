@@ -14,14 +14,17 @@ from typing import Any, Generic, TypeVar
 import torch
 from torch import Tensor
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.pairs import CellPairs, cell_pairs
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
 from spgf_torch.cache import Cache, fingerprint, program
-from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, SensingConfig
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor, library
 from spgf_torch.features.interface import VectorFeatures
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.threads import in_parts

@@ -10,13 +10,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.config import GRASP_TYPES, EvaluateConfig, SamplerConfig
+from spgf_torch.experiment.config import EvaluateConfig
 from spgf_torch.experiment.describe import Grasps
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
-from spgf_torch.trials.candidates import sample_candidates
-from spgf_torch.trials.runner import Trials, execute
-from spgf_torch.trials.table import OUTCOMES
+from spgf_torch.simulation.candidates import sample_candidates
+from spgf_torch.simulation.config import SamplerConfig
+from spgf_torch.simulation.execute import Trials, execute
+from spgf_torch.simulation.table import OUTCOMES
 
 SUCCESS = OUTCOMES.index("success")
 

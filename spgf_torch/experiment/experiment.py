@@ -12,12 +12,13 @@ from torch import Tensor
 from spgf_torch.affordance.calibration import Calibration
 from spgf_torch.affordance.model import GraspModel
 from spgf_torch.cache import Cache
-from spgf_torch.config import TrainConfig, plain
+from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.cross_validation import CrossValidation, Predicted, calibrate
 from spgf_torch.experiment.learning import PrototypeFit, learn_model, side_by_side
-from spgf_torch.experiment.space import Example
+from spgf_torch.experiment.training_set import Example
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
+from spgf_torch.settings import plain
 
 
 @dataclass(frozen=True)

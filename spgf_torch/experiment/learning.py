@@ -8,10 +8,11 @@ from typing import TypeVar
 
 from torch import Tensor
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import GraspModel, learn
 from spgf_torch.cache import Cache, fingerprint, program
-from spgf_torch.config import AffordanceConfig, PrototypeConfig
-from spgf_torch.experiment.space import Example
+from spgf_torch.experiment.training_set import Example
+from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.threads import in_parts
 

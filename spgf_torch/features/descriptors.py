@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from torch import Generator, Tensor
 
-from spgf_torch.config import FeatureConfig
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.fpfh import BINS, fpfh, open3d_version
 from spgf_torch.features.interface import LocalFeatures
 from spgf_torch.features.patch_pairs import NUMBERS, patch_pairs

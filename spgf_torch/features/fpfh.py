@@ -13,8 +13,8 @@ import numpy as np
 import torch
 from torch import Generator, Tensor
 
-from spgf_torch.config import FeatureConfig
 from spgf_torch.extras import needed
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.interface import VectorFeatures
 from spgf_torch.features.spgf import spgf
 

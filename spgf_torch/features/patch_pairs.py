@@ -16,11 +16,12 @@ import math
 import torch
 from torch import Generator, Tensor
 
-from spgf_torch.config import FeatureConfig, InputError
+from spgf_torch.errors import InputError
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.interface import VectorFeatures
-from spgf_torch.features.relations import pairs_of, reference_frames, relations
-from spgf_torch.geometry.neighbours import radius_pairs
 from spgf_torch.geometry.se3 import from_rotation
+from spgf_torch.ops.neighbours import radius_pairs
+from spgf_torch.ops.relations import frames_in_torch, pairs_in_torch, relations_in_torch
 
 NUMBERS = 4  # of a pair: two elevations, the angle between the normals, the distance
 
@@ -47,17 +48,16 @@ def patch_pairs(
         raise InputError(
             f"normals: expected finite numbers of shape {tuple(positions.shape)}, got {tuple(normals.shape)}"
         )
-    second, paired = drawn_neighbours(positions, config.radius, generator)
-    X, n, there = positions.detach().cpu().contiguous(), normals.detach().cpu().contiguous(), second.cpu()
-    one_each, own = torch.arange(len(X) + 1), torch.arange(len(X), dtype=torch.int32)
-    forth, back = pairs_of(one_each, there.int(), X, X, n), pairs_of(one_each, own, X[there], X, n)
-    frames = reference_frames(n, forth.towards)
-    elevation, angle, direction = relations(forth, frames)
-    distance = torch.linalg.vector_norm(X[there] - X, dim=1) * (RADIUS_ANGLE / config.radius)
-    vectors = torch.stack([elevation, relations(back, frames[there])[0], angle, distance], dim=1).float()
-    T, directed = from_rotation(frames, X), ~direction.isnan()
-    device = positions.device
-    return VectorFeatures(T.to(device), vectors.to(device), paired & directed.to(device))
+    X, n = positions.detach(), normals.detach()
+    second, paired = drawn_neighbours(X, config.radius, generator)
+    own, one = torch.arange(len(X), device=X.device), torch.ones(len(X), dtype=torch.int64, device=X.device)
+    forth, back = pairs_in_torch(one, second, X, X, n), pairs_in_torch(one, own, X[second], X, n)
+    frames = frames_in_torch(n, forth.towards)
+    elevation, angle, direction = relations_in_torch(forth, frames)
+    distance = torch.linalg.vector_norm(X[second] - X, dim=1) * (RADIUS_ANGLE / config.radius)
+    behind = relations_in_torch(back, frames[second])[0]
+    vectors = torch.stack([elevation, behind, angle, distance], dim=1).float()
+    return VectorFeatures(from_rotation(frames, X), vectors, paired & ~direction.isnan())
 
 
 def drawn_neighbours(positions: Tensor, radius: float, generator: Generator) -> tuple[Tensor, Tensor]:

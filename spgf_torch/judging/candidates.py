@@ -21,19 +21,22 @@ import torch
 from torch import Tensor
 
 from spgf_torch.cache import Cache, fingerprint, program
-from spgf_torch.config import HypothesesConfig, JudgeConfig, ProposingConfig, TrainConfig, TreesConfig, plain, settings
+from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.experiment import Design, teaching
-from spgf_torch.experiment.space import Example
-from spgf_torch.experiment.tried import Tried, open_hand
+from spgf_torch.experiment.labelled_grasps import Tried, open_hand
+from spgf_torch.experiment.training_set import Example
 from spgf_torch.judging.clouds import seen_as
+from spgf_torch.judging.config import JudgeConfig, TreesConfig
 from spgf_torch.judging.learning import judge_of, learn_judge
 from spgf_torch.judging.rows import SAMPLED, Rows
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
 from spgf_torch.proposing.clearance import Clearance
+from spgf_torch.proposing.config import HypothesesConfig, ProposingConfig
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import judge_features
+from spgf_torch.settings import plain, settings
 from spgf_torch.threads import in_parts
 
 # Score of a candidate that is not judged: below every probability, all alike.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from spgf_torch.config import JudgeConfig
+from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.proposing.judge import Judge
 
 LIMITS = """\

@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from spgf_torch.config import InputError, JudgeConfig, SensingConfig
+from spgf_torch.errors import InputError
+from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.proposing.clearance import Plane, Surroundings
 from spgf_torch.proposing.judge_features import Seen
 from spgf_torch.sensing.cameras import surround
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import observe_on_table, observe_views
 
 

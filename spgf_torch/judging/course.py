@@ -13,11 +13,15 @@ import torch
 from omegaconf import OmegaConf
 
 from spgf_torch.cache import Cache
-from spgf_torch.config import InputError, JudgeConfig, find, plain
+from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
-from spgf_torch.experiment.tried import open_hand, tables_of
+from spgf_torch.experiment.labelled_grasps import open_hand, tables_of
+from spgf_torch.files.sealing import sealed_yaml
+from spgf_torch.files.writing import write_bytes, write_text
+from spgf_torch.hands.hand import load_hand
 from spgf_torch.judging.card import judge_card
 from spgf_torch.judging.clouds import training_clouds
+from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.fitting import fits
 from spgf_torch.judging.learning import calibration_of, judge_of, learn_judge
 from spgf_torch.judging.own_trials import OwnOrigin, OwnTrials, read_own, write_own
@@ -26,17 +30,16 @@ from spgf_torch.judging.rows import Bench, Rows
 from spgf_torch.judging.survey import survey
 from spgf_torch.judging.validation import cross_validated, executed, validation_rows
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.paths import find
 from spgf_torch.progress import Stages
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.hypotheses import Search
 from spgf_torch.proposing.judge import Judge, save_judge
-from spgf_torch.sealing import sealed_yaml
+from spgf_torch.settings import plain
+from spgf_torch.simulation.attempts import Trials
+from spgf_torch.simulation.executors import check_address, runner_of
+from spgf_torch.simulation.table import TrialTable, table_path, write_table
 from spgf_torch.threads import in_parts
-from spgf_torch.trials.attempts import Trials
-from spgf_torch.trials.hand import load_hand
-from spgf_torch.trials.runners import check_address, runner_of
-from spgf_torch.trials.table import TrialTable, table_path, write_table
-from spgf_torch.writing import write_bytes, write_text
 
 # Folders in a run's: random trials, where they were made, and those of the rounds.
 TRIALS, OWN_TRIALS = "trials", "own_trials"

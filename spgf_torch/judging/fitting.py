@@ -15,14 +15,15 @@ import torch
 import trimesh
 from torch import Tensor
 
-from spgf_torch.config import GRASP_TYPES, JudgeConfig
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.hands.hand import Hand
+from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.proposing.clearance import Plane
 from spgf_torch.proposing.hypotheses import Hypotheses, Search, moved
 from spgf_torch.proposing.spreading import suppress
-from spgf_torch.trials.candidates import SKIN
-from spgf_torch.trials.hand import Hand
-from spgf_torch.trials.precheck import PreCheck
+from spgf_torch.simulation.candidates import SKIN
+from spgf_torch.simulation.precheck import PreCheck
 
 # Places on an object's surface that are looked at, and approaches about the closing axis of each.
 PAIRS, APPROACHES = 200, 12

@@ -14,12 +14,13 @@ from sklearn.linear_model import LogisticRegression
 from threadpoolctl import threadpool_limits
 from torch import Tensor
 
-from spgf_torch.config import JudgeConfig, TreesConfig, plain
+from spgf_torch.judging.config import JudgeConfig, TreesConfig
 from spgf_torch.judging.rows import Rows
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.proposing.judge import FACTORS, KNOWN, VIEWS, Curve, Judge
 from spgf_torch.proposing.judge_features import NAMES
 from spgf_torch.proposing.trees import Form, Logistic, Trees
+from spgf_torch.settings import plain
 from spgf_torch.threads import in_parts
 
 # Rows below which an object weighs less than others: a few are no sample of it.

@@ -14,7 +14,8 @@ import numpy as np
 import torch
 
 from spgf_torch.cache import Cache
-from spgf_torch.config import GRASP_TYPES, JudgeConfig
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.own_trials import OwnOrigin, OwnTrials
 from spgf_torch.judging.rows import PICKED, SAMPLED, Bench, Chosen, Rows
 from spgf_torch.judging.trying import tried
@@ -23,10 +24,10 @@ from spgf_torch.progress import Stages
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.spreading import suppress
+from spgf_torch.simulation.execute import Trials, origin, sample, table_of
+from spgf_torch.simulation.executors import Runner
+from spgf_torch.simulation.table import TrialTable, pose_matrix
 from spgf_torch.threads import in_parts
-from spgf_torch.trials.runner import Trials, origin, sample, table_of
-from spgf_torch.trials.runners import Runner
-from spgf_torch.trials.table import TrialTable, pose_matrix
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from spgf_torch.judging.clouds import Cloud
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge_features import NAMES, in_images, judge_features
-from spgf_torch.trials.table import OUTCOMES
+from spgf_torch.simulation.table import OUTCOMES
 
 SUCCESS, COLLISION = OUTCOMES.index("success"), OUTCOMES.index("collision")
 # Outcome of what is free, by the mesh, and was not tried.

@@ -7,7 +7,11 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from spgf_torch.config import InputError, JudgeConfig, TrainConfig, plain, root, typed
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.judging.config import JudgeConfig
+from spgf_torch.paths import root
+from spgf_torch.settings import plain, typed
 
 
 def judge_settings(config: TrainConfig) -> JudgeConfig:

@@ -7,13 +7,14 @@ import zlib
 import numpy as np
 import torch
 
-from spgf_torch.config import GRASP_TYPES, JudgeConfig
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.hands.hand import Hand
 from spgf_torch.judging.clouds import Cloud, further_clouds
+from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.rows import COLLISION, SURVEYED, UNTRIED, Bench, Rows
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge_features import in_images, judge_features
-from spgf_torch.trials.hand import Hand
-from spgf_torch.trials.precheck import PreCheck
+from spgf_torch.simulation.precheck import PreCheck
 
 
 def survey(bench: Bench, hand: Hand, search: Search, config: JudgeConfig) -> Rows:

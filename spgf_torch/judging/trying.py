@@ -8,11 +8,12 @@ from functools import partial
 from torch import Tensor
 
 from spgf_torch.cache import Cache, fingerprint, program
-from spgf_torch.config import IncompleteError, plain
+from spgf_torch.errors import IncompleteError
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.trials.attempts import physics
-from spgf_torch.trials.runner import TrialError, Trials, execute, versions
-from spgf_torch.trials.runners import Runner
+from spgf_torch.settings import plain
+from spgf_torch.simulation.attempts import physics
+from spgf_torch.simulation.execute import TrialError, Trials, execute, versions
+from spgf_torch.simulation.executors import Runner
 
 # Of entries of the cache.
 KIND = "outcomes"

@@ -16,9 +16,10 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from spgf_torch.config import CLASSES, find
+from spgf_torch.objects.config import CLASSES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
+from spgf_torch.paths import find
 
 COLUMNS = 10
 PATCH = 0.015  # m; largest edge that is drawn

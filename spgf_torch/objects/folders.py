@@ -9,12 +9,14 @@ from pathlib import Path
 from joblib import Parallel, delayed
 
 from spgf_torch.cache import Cache
-from spgf_torch.config import CLASSES, CollisionConfig, InputError, ObjectsConfig, find
+from spgf_torch.errors import InputError
+from spgf_torch.objects.config import CLASSES, CollisionConfig, ObjectsConfig
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.layouts import Found, has_meshes, recognise
 from spgf_torch.objects.library import load_objects
 from spgf_torch.objects.manifest import CATEGORIES, MANIFEST, Entry, read_manifest
 from spgf_torch.objects.scans import FITTED, NOTHING_KEPT, Body, Scan, Source, read_body, scan_of
+from spgf_torch.paths import find
 from spgf_torch.progress import Stages
 
 AUTO = "auto"  # unit: the layout's own

@@ -8,7 +8,7 @@ import trimesh
 from torch import Tensor
 
 from spgf_torch.cache import Cache, fingerprint, program
-from spgf_torch.config import CollisionConfig
+from spgf_torch.objects.config import CollisionConfig
 from spgf_torch.objects.shell import PieceCheck, collision_pieces
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.objects.scans import FITTED, SUFFIXES
 
 DEPTH = 3  # folders and file below the root, at most, in any of the layouts

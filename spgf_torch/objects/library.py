@@ -10,12 +10,14 @@ import numpy as np
 import trimesh
 from omegaconf import MISSING
 
-from spgf_torch.config import CLASSES, InputError, bounded, choice, text, typed
+from spgf_torch.errors import InputError
+from spgf_torch.files.reading import yaml_values
+from spgf_torch.objects.config import CLASSES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.lofts import Solid
 from spgf_torch.objects.manifest import check_name
 from spgf_torch.objects.shapes import SHAPES
-from spgf_torch.reading import yaml_values
+from spgf_torch.settings import bounded, choice, text, typed
 
 MERGE = 1e-9  # m; corners closer than this are one
 

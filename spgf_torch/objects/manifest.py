@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.objects.scans import SUFFIXES
 
 MANIFEST = "manifest.csv"

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from omegaconf import MISSING
 
-from spgf_torch.config import InputError, bounded
+from spgf_torch.errors import InputError
 from spgf_torch.objects.lofts import (
     Handle,
     Section,
@@ -25,6 +25,7 @@ from spgf_torch.objects.lofts import (
     shell_of,
     solid_of,
 )
+from spgf_torch.settings import bounded
 
 LARGEST = 1.0  # m; a household object that a hand lifts
 LATITUDES = 10  # bands of an ellipsoid, even so that the widest ring is there; 182 corners (PhysX takes 255)

@@ -17,7 +17,8 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from spgf_torch.config import CollisionConfig, InputError
+from spgf_torch.errors import InputError
+from spgf_torch.objects.config import CollisionConfig
 
 # PhysX keeps at most 255 polygons a convex shape and cuts larger hulls by 1 mm and more (measured on a scanned
 # ball); a triangulated hull of 120 vertices has 236.

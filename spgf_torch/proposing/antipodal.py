@@ -9,8 +9,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from spgf_torch.config import ProposingConfig
 from spgf_torch.proposing.clearance import Surroundings
+from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.hypotheses import Search
 from spgf_torch.proposing.judge_features import NAMES, Seen, in_images, judge_features
 from spgf_torch.proposing.judged import Ranked, best_of

@@ -13,8 +13,9 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection
 from torch import Tensor
 
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
-from spgf_torch.config import GRASP_TYPES, InputError
+from spgf_torch.errors import InputError
 from spgf_torch.geometry import se3
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.proposing.borders import Borders
 
 

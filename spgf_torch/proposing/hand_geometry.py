@@ -11,8 +11,9 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.sensed_collision import HandVolume
-from spgf_torch.config import GRASP_TYPES, HypothesesConfig
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.proposing.clearance import corners_of, half_opening
+from spgf_torch.proposing.config import HypothesesConfig
 
 # m behind a pad's face in which its extents across closing are measured: a fingertip's thickness.
 _SKIN = 0.005

@@ -23,9 +23,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.config import GRASP_TYPES, HypothesesConfig
 from spgf_torch.geometry import se3
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.proposing.clearance import Clearance, Surroundings
+from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.hand_geometry import ClosingRegion, HandGeometry, hand_geometry
 from spgf_torch.proposing.pushing import Pieces, deepest_free, extents, pieces_of
 from spgf_torch.proposing.spreading import spread_order

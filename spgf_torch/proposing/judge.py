@@ -21,12 +21,15 @@ from safetensors import SafetensorError
 from safetensors.torch import load, save
 from torch import Tensor
 
-from spgf_torch.config import HandConfig, HypothesesConfig, InputError, typed
+from spgf_torch.errors import InputError
+from spgf_torch.files.reading import existing, json_values, unreadable
+from spgf_torch.files.sealing import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
+from spgf_torch.files.writing import write_bytes
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.judge_features import GEOMETRY, NAMES
 from spgf_torch.proposing.trees import FORMS, Form
-from spgf_torch.reading import existing, json_values, unreadable
-from spgf_torch.sealing import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
-from spgf_torch.writing import write_bytes
+from spgf_torch.settings import typed
 
 FORMAT = "spgf_torch judge"
 SCHEMA = 2

@@ -12,9 +12,9 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.sensed_collision import HandVolume
-from spgf_torch.config import ProposingConfig
 from spgf_torch.proposing.borders import clear_of_borders
 from spgf_torch.proposing.clearance import Clearance, Surroundings
+from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import Seen, in_images, judge_features

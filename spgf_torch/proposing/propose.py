@@ -22,23 +22,27 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import GraspModel, vote
 from spgf_torch.affordance.pairs import cell_pairs
 from spgf_torch.affordance.ranking import Judged, judge, point_gains, shrunk_mean
 from spgf_torch.affordance.sensed_collision import HandVolume
 from spgf_torch.affordance.voting import Votes, VotingIndex, polled
-from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, ProposingConfig, typed
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.features.interface import LocalFeatures
 from spgf_torch.geometry import se3
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.proposing.borders import clear_of_borders
 from spgf_torch.proposing.clearance import Clearance, Surroundings
+from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.hand_geometry import ClosingRegion, closing_region
 from spgf_torch.proposing.shortlist import Shortlist, shortlist
 from spgf_torch.proposing.spreading import spread_order, suppress
 from spgf_torch.proposing.weighing import Numbers
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.sensing.texlets import Texlets
+from spgf_torch.settings import typed
 
 # The texlets are all that there is.
 NOTHING = Surroundings()
@@ -262,8 +266,6 @@ class Proposer:
         first = voters.first(n)
         shrinkage = self.config.vote_shrinkage * len(first) / max(1, len(voters))
         affordance = replace(self.affordance, vote_shrinkage=shrinkage)
-        if T.device.type != "cpu":
-            return self.judged(self.votes(T, grasp_type, first), grasp_type, affordance).log_odds
         found = polled(self.index, self.gains, first.T_object_feature, first.prototype, T, grasp_type)
         return shrunk_mean(found.worth, found.votes, affordance)
 

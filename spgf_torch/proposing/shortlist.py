@@ -11,8 +11,9 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.model import GraspModel
-from spgf_torch.config import GRASP_TYPES, ProposingConfig
 from spgf_torch.geometry import se3
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.spreading import suppress
 
 

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
 from spgf_torch.geometry import se3
+from spgf_torch.ops.farthest_first import farthest_first
 from spgf_torch.sensing.texlets import independent_set
 
 
@@ -24,22 +23,8 @@ def spread_order(T_object_feature: Tensor, count: int, normal_weight: float) -> 
     `normal_weight * |d|` metres apart, so that both sides of a thin wall take part.
     """
     point = torch.cat([se3.position_of(T_object_feature), normal_weight * T_object_feature[:, :3, 2]], dim=1)
-    order = np.empty(min(count, len(point)), np.int64)
     distance = (point - point.mean(0)).square().sum(1)
-    farthest_first(point.double().cpu().contiguous().numpy(), distance.double().cpu().numpy(), order)
-    return torch.from_numpy(order).to(T_object_feature.device)
-
-
-@compiled
-def farthest_first(point: np.ndarray, distance: np.ndarray, order: np.ndarray) -> None:
-    """Into `order`: the point (N, D) of the greatest distance (N,), then always the one farthest from all before."""
-    for k in range(len(order)):
-        order[k] = np.argmax(distance)
-        for i in range(len(point)):
-            apart = 0.0
-            for d in range(point.shape[1]):
-                apart += (point[i, d] - point[order[k], d]) ** 2
-            distance[i] = apart if k == 0 else min(distance[i], apart)
+    return farthest_first(point.double(), distance.double(), min(count, len(point)))
 
 
 def suppress(T: Tensor, group: Tensor, score: Tensor, distance: float, angle_deg: float) -> Tensor:

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.compiled import compiled
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 
 
 @dataclass(frozen=True)

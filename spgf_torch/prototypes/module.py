@@ -24,9 +24,11 @@ from lightning.pytorch import LightningModule, Trainer
 from lightning.pytorch.plugins.environments import LightningEnvironment
 from torch import Tensor
 
-from spgf_torch.config import InputError, PrototypeConfig, plain
+from spgf_torch.errors import InputError
+from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import canonical_order, lloyd, minibatch_step
 from spgf_torch.prototypes.search import initial_centres
+from spgf_torch.settings import plain
 from spgf_torch.threads import one_thread
 
 CHECKPOINT = "prototypes.ckpt"

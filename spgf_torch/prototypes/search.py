@@ -14,9 +14,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from spgf_torch.config import PrototypeConfig
-from spgf_torch.prototypes import kernels
-from spgf_torch.prototypes.kernels import Doubles, Floats, Ids
+from spgf_torch.ops.kmeans import Doubles, Floats, Ids, member_sums
+from spgf_torch.ops.kmeans_start import Weighted, settle
+from spgf_torch.ops.partition import partition
+from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import kmeans_plusplus
 
 # Points that are enough to know the principal axes from.
@@ -56,25 +57,19 @@ class Summary:
     """Points (N, D) as the means of at most `parts` parts: rows (M, D), weights (M,); `part` (N,) is each point's."""
 
     def __init__(self, points: Tensor, parts: int) -> None:
-        order = np.arange(len(points))
-        bounds = kernels.split(points.numpy(), parts, order)
-        sizes = np.diff(bounds)
-        self.part = np.empty(len(points), np.int64)
-        self.part[order] = np.repeat(np.arange(len(sizes)), sizes)
-        sums, counts = np.zeros((len(sizes), points.shape[1])), np.zeros(len(sizes), np.int64)
-        kernels.add_members(*kernels.flat(points), self.part, sums, counts)
-        self.rows = (sums / counts[:, None]).astype(np.float32)
-        self.columns, self.weights = np.ascontiguousarray(self.rows.T), counts.astype(np.float32)
+        self.part = partition(points, parts)
+        sums, counts = member_sums(points, self.part, int(self.part.max()) + 1)
+        self.points = Weighted.of((sums / counts[:, None]).float(), counts.float())
 
     def settle(self, centres: Floats, steps: int = BREATH_STEPS, tolerance: float = BREATH_TOLERANCE) -> Settled:
-        M, centres = len(self.rows), np.array(centres, np.float32)
-        distance, second, ids = np.empty(M, np.float32), np.empty(M, np.float32), np.empty(M, np.int64)
-        inertia = kernels.lloyd(self.columns, self.rows, self.weights, centres, steps, tolerance, distance, second, ids)
-        return Settled(centres, inertia, distance, second, ids)
+        found = settle(self.points, torch.from_numpy(centres), steps, tolerance)
+        moved, inertia, distance, second, ids = (column.numpy() for column in found)
+        return Settled(moved, float(inertia), distance, second, ids)
 
     def by_cluster(self, settled: Settled, values: Floats) -> Doubles:
         """Weighted sums (K,) of values (M,)."""
-        return np.bincount(settled.ids, self.weights * values, len(settled.centres)).astype(np.float64)
+        weights = self.points.weights.numpy()
+        return np.bincount(settled.ids, weights * values, len(settled.centres)).astype(np.float64)
 
 
 def initial_centres(points: Tensor, config: PrototypeConfig, generator: torch.Generator) -> tuple[Tensor, Tensor]:
@@ -84,16 +79,15 @@ def initial_centres(points: Tensor, config: PrototypeConfig, generator: torch.Ge
     """
     K, members = config.num_clusters, points[:: -(-len(points) // config.subsample)]
     summary = Summary(principal_components(members, config.components), config.parts)
-    rows, weights = torch.from_numpy(summary.rows), torch.from_numpy(summary.weights)
+    _, rows, weights = summary.points
     drawn = kmeans_plusplus(rows, K, config.restarts, generator, weights=weights)
     starts = [summary.settle(start.numpy(), RESTART_STEPS, 0.0) for start in drawn]
     finalists = sorted(starts, key=lambda start: start.inertia)[: config.finalists]
     finalists = [breathe(summary, start, config.breath, generator) for start in finalists]
     best = min(finalists, key=lambda start: start.inertia)
-    sums, counts = np.zeros((K, points.shape[1])), np.zeros(K, np.int64)
-    kernels.add_members(*kernels.flat(members), best.ids[summary.part], sums, counts)
-    centres = np.where(counts[:, None] > 0, sums / np.maximum(counts, 1)[:, None], members[:1].numpy())
-    return torch.from_numpy(centres).to(points), torch.from_numpy(counts).to(points)
+    sums, counts = member_sums(members, torch.from_numpy(best.ids)[summary.part], K)
+    centres = torch.where(counts[:, None] > 0, sums / counts.clamp(min=1)[:, None], members[:1].double())
+    return centres.to(points), counts.to(points)
 
 
 def principal_components(points: Tensor, components: int) -> Tensor:
@@ -125,7 +119,7 @@ def breathe(summary: Summary, start: Settled, breath: int, generator: torch.Gene
     return best
 
 
-def _added(summary: Summary, settled: Settled, count: int, generator: torch.Generator) -> Doubles:
+def _added(summary: Summary, settled: Settled, count: int, generator: torch.Generator) -> Floats:
     """New centres (count, D) within the clusters of largest error: half a standard deviation off their centres."""
     errors = summary.by_cluster(settled, settled.distance)
     sizes = summary.by_cluster(settled, np.ones_like(settled.distance))
@@ -133,7 +127,7 @@ def _added(summary: Summary, settled: Settled, count: int, generator: torch.Gene
     D = settled.centres.shape[1]
     deviation = np.sqrt(errors[worst] / (np.maximum(sizes[worst], 1) * D))
     noise = torch.randn(count, D, generator=generator).numpy()
-    return settled.centres[worst] + 0.5 * deviation[:, None] * noise
+    return (settled.centres[worst] + 0.5 * deviation[:, None] * noise).astype(np.float32)
 
 
 def _kept(summary: Summary, settled: Settled, dropped: int) -> NDArray[np.bool_]:

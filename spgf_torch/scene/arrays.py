@@ -8,15 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.config import InputError, SceneConfig, settings
+from spgf_torch.errors import InputError
 from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, checked, pixels_of
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.depth import camera_of, check_depth, check_returns
 from spgf_torch.scene.depth_files import DepthFile, counts_array, flat, in_metres
 from spgf_torch.scene.intrinsics import Intrinsics, checked_K
 from spgf_torch.scene.labels import fitting, label_array, marked, numbered
 from spgf_torch.scene.poses import checked_pose
 from spgf_torch.scene.views import View
+from spgf_torch.settings import settings
 
 
 def cloud_of_arrays(

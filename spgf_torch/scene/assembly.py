@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from spgf_torch.config import InputError, SceneConfig, SensingConfig
+from spgf_torch.errors import InputError
 from spgf_torch.scene.cloud import Cloud, checked, vectors, voxel_means
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.degenerate import why_no_grasp
 from spgf_torch.scene.depth_files import is_depth
 from spgf_torch.scene.files import read_clouds
@@ -27,6 +28,7 @@ from spgf_torch.scene.selection import is_target, table_of, targeted, viewpoints
 from spgf_torch.scene.surfaces import stride_of, surfaces
 from spgf_torch.scene.viewpoint import ahead_of, check_side, with_viewpoint
 from spgf_torch.scene.views import View, files_of, read_views
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.texlets import Texlets
 
 # Points further apart than this much of the texlets' spacing leave many a texlet with one point, which then must do.

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.geometry.principal import principal_axes
 
 # Normals of a file may be rounded; longer or shorter by more, the columns are something else, such as colours.

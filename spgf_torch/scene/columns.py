@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.objects.scans import METRES
 
 MOST_COLUMNS = 100

@@ -9,8 +9,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from spgf_torch.config import SceneConfig
 from spgf_torch.scene.cloud import Cloud
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.normals import neighbourhoods, on_lines
 from spgf_torch.scene.planes import best_plane, height
 

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from spgf_torch.config import InputError, SceneConfig, SensingConfig
+from spgf_torch.errors import InputError
 from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.intrinsics import Intrinsics
 from spgf_torch.sensing.cameras import Camera
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.planes import surface_points
 
 # A principal point further from the middle, as a share of the image, belongs to an image of another size.

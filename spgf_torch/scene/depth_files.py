@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from spgf_torch.config import InputError, SceneConfig
+from spgf_torch.errors import InputError
+from spgf_torch.files.reading import existing, npy_array, npz_arrays, npz_headers
 from spgf_torch.objects.scans import METRES
-from spgf_torch.reading import existing, npy_array, npz_arrays, npz_headers
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.images import check_pixels, image_pixels, numbers
 from spgf_torch.scene.intrinsics import Intrinsics, checked_K, depth_scale_of
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spgf_torch.config import InputError, SceneConfig
+from spgf_torch.errors import InputError
 from spgf_torch.scene.cloud import vectors
+from spgf_torch.scene.config import SceneConfig
 
 AUTO = "auto"
 # deg that an approach may rise and still not come from below: a level one, with the noise of normals.

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from spgf_torch.config import InputError
-from spgf_torch.reading import existing, npy_array, unreadable
+from spgf_torch.errors import InputError
+from spgf_torch.files.reading import existing, npy_array, unreadable
 
 
 def image_pixels(path: Path, limit: int, formats: tuple[str, ...]) -> np.ndarray:

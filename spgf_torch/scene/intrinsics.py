@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.structured import number_array, structured
 

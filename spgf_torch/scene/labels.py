@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from spgf_torch.config import InputError
-from spgf_torch.reading import npz_arrays, npz_headers, text
+from spgf_torch.errors import InputError
+from spgf_torch.files.reading import npz_arrays, npz_headers, text
 from spgf_torch.scene.cloud import check_count
 from spgf_torch.scene.images import check_pixels, image_pixels, numbers
 

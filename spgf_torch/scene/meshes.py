@@ -8,18 +8,22 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from spgf_torch.config import CollisionConfig, InputError, SceneConfig, SensingConfig, settings
-from spgf_torch.objects.mesh_files import mesh_arrays, ply_faces
+from spgf_torch.errors import InputError
+from spgf_torch.files.mesh_files import mesh_arrays, ply_faces
+from spgf_torch.files.reading import existing
+from spgf_torch.objects.config import CollisionConfig
 from spgf_torch.objects.scans import METRES, SUFFIXES, read_mesh
-from spgf_torch.reading import existing
 from spgf_torch.scene.cloud import Cloud, check_count, checked
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.files import read_clouds
 from spgf_torch.scene.one_view import seen_from
 from spgf_torch.scene.selection import check_extent
 from spgf_torch.sensing.cameras import surround
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import observe_views
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.sensing.unseen import DepthView
+from spgf_torch.settings import settings
 
 # m; a mesh whose reach is less in some unit is not likely to be of that unit.
 _SMALL = 0.01

@@ -13,8 +13,9 @@ import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from spgf_torch.config import InputError, SceneConfig
+from spgf_torch.errors import InputError
 from spgf_torch.scene.cloud import Cloud
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.sensing.planes import smallest_eigenvectors
 
 # Points whose neighbours are looked at together: bounds the memory.

@@ -8,13 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from spgf_torch.config import InputError, SceneConfig, SensingConfig
+from spgf_torch.errors import InputError
 from spgf_torch.scene.borders import cut_borders
 from spgf_torch.scene.cloud import Cloud
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.degenerate import flat_hint
 from spgf_torch.scene.gravity import Gravity
 from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.seen import Looked
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.texlets import Texlets, thin
 
 

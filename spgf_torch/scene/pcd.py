@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from spgf_torch.config import InputError
-from spgf_torch.objects.ply import number_words
+from spgf_torch.errors import InputError
+from spgf_torch.files.ply import number_words
 from spgf_torch.scene.cloud import Cloud, check_count, pixels_of
 
 POINT, NORMAL = ("x", "y", "z"), ("normal_x", "normal_y", "normal_z")

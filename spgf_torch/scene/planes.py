@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spgf_torch.config import InputError, SceneConfig
+from spgf_torch.errors import InputError
 from spgf_torch.scene.cloud import vectors
+from spgf_torch.scene.config import SceneConfig
 
 # Points that hypotheses are tried on.
 _TRIED = 1500

@@ -14,8 +14,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from spgf_torch.config import InputError, SceneConfig
+from spgf_torch.errors import InputError
 from spgf_torch.scene.cloud import Cloud
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.planes import best_plane, height
 from spgf_torch.scene.views import View
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.scene.structured import number_array, structured
 
 # Of a rotation matrix or a quaternion that was written with few digits.

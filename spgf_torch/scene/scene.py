@@ -18,10 +18,13 @@ from typing import Any
 import numpy as np
 import torch
 
-from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.errors import InputError
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.gravity import Gravity
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.sensing.unseen import DepthView
+from spgf_torch.settings import settings
 
 # Draws the order of texlets and the planes that are tried, where no generator is given.
 _SEED = 0

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from spgf_torch.config import InputError, SceneConfig
+from spgf_torch.errors import InputError
 from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, vectors
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.gravity import AUTO, Gravity, gravity_of
 from spgf_torch.scene.planes import best_plane, given_plane, height
 from spgf_torch.scene.table import FoundTable, find_table

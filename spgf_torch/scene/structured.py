@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.config import InputError
-from spgf_torch.reading import LARGEST_YAML, existing, json_of, npz_arrays, npz_headers, text, unreadable, yaml_of
+from spgf_torch.errors import InputError
+from spgf_torch.files.reading import LARGEST_YAML, existing, json_of, npz_arrays, npz_headers, text, unreadable, yaml_of
 from spgf_torch.scene.images import numbers
 
 WHAT = "numbers as text, JSON, YAML or .npy"

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from spgf_torch.config import InputError, SceneConfig, SensingConfig
+from spgf_torch.errors import InputError
 from spgf_torch.scene.cloud import Cloud, voxel_means
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.depth import every, learned_stride, pixel_points, surface
 from spgf_torch.scene.selection import crop_box, within
 from spgf_torch.scene.views import View
+from spgf_torch.sensing.config import SensingConfig
 
 
 def surfaces(view: View, stride: int, config: SceneConfig, sensing: SensingConfig) -> list[Cloud]:

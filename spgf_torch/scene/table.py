@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from spgf_torch.config import InputError, SceneConfig
+from spgf_torch.errors import InputError
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.planes import FoundPlane, best_plane, height
 
 # Points that what stands on a plane is counted in.

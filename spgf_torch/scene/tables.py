@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.config import InputError
-from spgf_torch.reading import reason
+from spgf_torch.errors import InputError
+from spgf_torch.files.reading import reason
 from spgf_torch.scene.cloud import Cloud, check_count
 from spgf_torch.scene.columns import MOST_COLUMNS, Layout, layout_by_values, named_layout, plain_name
 

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from spgf_torch.config import InputError, SceneConfig
+from spgf_torch.errors import InputError
 from spgf_torch.scene.camera_centre import AS_ORIGIN, USUAL, WIDEST, Side, of_grid, of_pixels, optical
 from spgf_torch.scene.cloud import Cloud
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.normals import (
     BEHIND,
     INWARDS,

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from spgf_torch.config import InputError, SceneConfig, find
+from spgf_torch.errors import InputError
+from spgf_torch.paths import find
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.depth import camera_of, check_depth, check_returns
 from spgf_torch.scene.depth_files import DepthFile, in_metres, read_depth_file
 from spgf_torch.scene.intrinsics import Intrinsics, given_intrinsics, read_intrinsics

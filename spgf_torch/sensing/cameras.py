@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
-from spgf_torch.config import SensingConfig
+from spgf_torch.sensing.config import SensingConfig
 
 # A ray this close to lying within a face has no well-defined depth: 0.006 deg.
 _PARALLEL = 1e-4

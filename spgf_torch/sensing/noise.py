@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from spgf_torch.config import SensingConfig
+from spgf_torch.sensing.config import SensingConfig
 
 
 def measure(

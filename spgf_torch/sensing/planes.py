@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from spgf_torch.config import InputError, SensingConfig
+from spgf_torch.errors import InputError
+from spgf_torch.sensing.config import SensingConfig
 
 # Upper triangle of a symmetric 3x3 matrix: xx, xy, xz, yy, yz, zz.
 _ROW, _COLUMN = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 
-from spgf_torch.config import InputError, SensingConfig
+from spgf_torch.errors import InputError
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.sensing.cameras import Camera, cast, crop, surround
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.noise import measure
 from spgf_torch.sensing.texlets import Texlets, extract
 from spgf_torch.sensing.unseen import DepthView, whole_image

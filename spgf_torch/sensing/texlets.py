@@ -9,8 +9,9 @@ import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from spgf_torch.config import InputError, SensingConfig
+from spgf_torch.errors import InputError
 from spgf_torch.sensing.cameras import Camera
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.planes import surface_points
 
 

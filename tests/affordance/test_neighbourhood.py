@@ -3,27 +3,23 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 
 from spgf_torch.affordance import model as affordance
-from spgf_torch.affordance.lattice import Kernel, Lattice, gaussian_kernel
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.neighbourhood import Condensed, Counts, ShapeGraspSpace, analyse, condense
 from spgf_torch.affordance.pairs import CellPairs, cell_pairs, lattice_of
 from spgf_torch.affordance.particles import Particles, Points, pairs_within
 from spgf_torch.affordance.voting import NO_POINT, VotingIndex, cast_votes, counted_votes
-from spgf_torch.config import (
-    AffordanceConfig,
-    FeatureConfig,
-    HandConfig,
-    InputError,
-    PrototypeConfig,
-    SensingConfig,
-    plain,
-    settings,
-)
+from spgf_torch.errors import InputError
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.geometry import se3
+from spgf_torch.geometry.lattice import Kernel, Lattice, gaussian_kernel
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.prototypes.config import PrototypeConfig
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import plain, settings
 
 LATTICE = Lattice(reach=0.03, voxel=0.01, rotation_deg=60.0)
 PROTOTYPES = 3
@@ -237,8 +233,8 @@ def test_keys_of_64_bits(generator: torch.Generator, kernel: Kernel) -> None:
     """Finer lattices and more groups need them; what is found is the same."""
     particles, asked = random_particles(300, generator), random_particles(200, generator)
     space = ShapeGraspSpace.of([[part] for part in split(particles, 3)], PROTOTYPES, LATTICE)
-    wide = replace(space, key=space.key.astype(np.int64))
-    assert space.key.dtype == np.int32
+    wide = replace(space, particles=space.particles._replace(key=space.particles.key.long()))
+    assert space.particles.key.dtype == torch.int32
     without = torch.arange(200) % 4
     found, same = (analyse(each, asked, without, LATTICE, kernel) for each in (space, wide))
     assert all(torch.equal(a, b) for a, b in zip(vars(found).values(), vars(same).values(), strict=True))

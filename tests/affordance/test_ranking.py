@@ -6,9 +6,10 @@ import pytest
 import torch
 
 from spgf_torch.affordance.calibration import Calibration, fit_calibration, uncalibrated
+from spgf_torch.affordance.config import RANKINGS, AffordanceConfig
 from spgf_torch.affordance.ranking import UNSUPPORTED, Judged, judge, rankings
 from spgf_torch.affordance.voting import Votes
-from spgf_torch.config import RANKINGS, AffordanceConfig, settings
+from spgf_torch.settings import settings
 
 SHRUNK = settings(AffordanceConfig, shrinkage=10, vote_shrinkage=2)
 BASE = torch.tensor([0.1, 0.5])

@@ -26,8 +26,8 @@ from spgf_torch.baselines.folds import (
 )
 from spgf_torch.baselines.module import GraspJudge
 from spgf_torch.baselines.work import claimed, hand_over
-from spgf_torch.config import InputError
-from spgf_torch.experiment.space import Example
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.training_set import Example
 from spgf_torch.extras import installed
 from spgf_torch.progress import Stages
 

@@ -8,7 +8,7 @@ from tiny import AUGMENT, NETWORK, RADIUS
 
 from spgf_torch.baselines.config import AugmentConfig, NetworkConfig, check_network
 from spgf_torch.baselines.pointnet import PointNet, augmented, balance, balanced_loss, fourier, judge
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 
 STILL = AugmentConfig(points=100, mirror=False, rotation_deg=0.0, shift=0.0, jitter=0.0)
 

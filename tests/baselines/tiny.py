@@ -7,18 +7,22 @@ import numpy as np
 import torch
 import trimesh
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.sensed_collision import hand_volume
 from spgf_torch.baselines.config import AugmentConfig, BaselineConfig, LearningConfig, NetworkConfig
 from spgf_torch.baselines.data import Data, taught_rows
 from spgf_torch.baselines.samples import load_samples
-from spgf_torch.config import GRASP_TYPES, AffordanceConfig, FeatureConfig, SensingConfig, settings
-from spgf_torch.datasets import tar
-from spgf_torch.datasets.samples import shard_name
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.experiment.describe import Description, Grasps
-from spgf_torch.experiment.tried import Tried
+from spgf_torch.experiment.labelled_grasps import Tried
+from spgf_torch.features.config import FeatureConfig
+from spgf_torch.formats import tar
+from spgf_torch.formats.samples import shard_name
 from spgf_torch.geometry import se3
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings
 
 CLASSES = ("boxes", "boxes", "boxes", "curved", "curved", "curved")
 TRIALS, POINTS, RADIUS, FOLDS = 40, 12, 0.1, 2

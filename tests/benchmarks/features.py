@@ -19,9 +19,10 @@ import torch
 from shared.clouds import cloud
 from shared.harness import Report, in_process, take_turns, threads
 
-from spgf_torch.config import FeatureConfig, settings
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import spgf
-from spgf_torch.geometry.neighbours import radius_pairs
+from spgf_torch.ops.neighbours import radius_pairs
+from spgf_torch.settings import settings
 
 SIZES = (1_000, 2_000, 4_000, 20_000, 100_000)
 ASKED = {1_000: 3.0, 2_000: 3.0, 4_000: 3.0, 20_000: 1.5, 100_000: 1.5}

@@ -16,15 +16,20 @@ import torch
 from shared.clouds import cloud, objects, sensed
 from shared.harness import Report, take_turns, threads
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import learn
 from spgf_torch.affordance.pairs import cell_pairs
-from spgf_torch.config import AffordanceConfig, EpisodeConfig, FeatureConfig, HandConfig, root, settings
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import spgf
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import load_hand
+from spgf_torch.paths import root
 from spgf_torch.prototypes.kmeans import assign, kmeans_plusplus, lloyd
-from spgf_torch.trials.attempts import Trials
-from spgf_torch.trials.hand import load_hand
-from spgf_torch.trials.runner import execute
-from spgf_torch.trials.table import read_table
+from spgf_torch.settings import settings
+from spgf_torch.simulation.attempts import Trials
+from spgf_torch.simulation.config import EpisodeConfig
+from spgf_torch.simulation.execute import execute
+from spgf_torch.simulation.table import read_table
 
 POINTS, OBJECTS, PARTICLES = (2_000, 8_000, 32_000), (2, 4, 8), (100_000, 400_000, 1_600_000)
 TRIED = 150  # candidates of each of four objects

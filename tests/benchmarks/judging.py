@@ -20,16 +20,21 @@ from types import SimpleNamespace
 import torch
 from shared.harness import Report, threads
 
-from spgf_torch.config import CollisionConfig, HandConfig, ProposingConfig, SensingConfig, find, settings, typed
-from spgf_torch.experiment.tried import open_hand
+from spgf_torch.experiment.labelled_grasps import open_hand
+from spgf_torch.hands.config import HandConfig
 from spgf_torch.judging.clouds import Cloud, seen_as
+from spgf_torch.objects.config import CollisionConfig
 from spgf_torch.objects.folders import read_objects
+from spgf_torch.paths import find
 from spgf_torch.progress import Stages
 from spgf_torch.proposing.clearance import Clearance
+from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.hypotheses import Search
 from spgf_torch.proposing.judge import Judge, load_judge
 from spgf_torch.proposing.judge_features import in_images, judge_features
 from spgf_torch.proposing.judged import best_of, ranked
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings, typed
 
 ASKED = "<= 0.25 s"
 

@@ -22,10 +22,12 @@ import torch
 from shared.clouds import objects, sensed
 from shared.harness import Report, threads
 
-from spgf_torch.config import FeatureConfig, PrototypeConfig, settings
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import spgf
+from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import assign, inertia
 from spgf_torch.prototypes.module import fit_prototypes
+from spgf_torch.settings import settings
 
 ROUNDS = 5
 SLOW = ("KMeans(n_init=10)", "faiss Kmeans(nredo=10)")

@@ -30,24 +30,21 @@ from shared.harness import Report
 from shared.ranking import JUDGE, NETWORK, SCORES, Sensed, Timed, peers, rank
 from torch import Tensor
 
-from spgf_torch.config import (
-    GRASP_TYPES,
-    CollisionConfig,
-    EpisodeConfig,
-    HandConfig,
-    InputError,
-    SensingConfig,
-    find,
-    settings,
-)
+from spgf_torch.errors import InputError
+from spgf_torch.hands.config import GRASP_TYPES, HandConfig
+from spgf_torch.hands.hand import load_hand
 from spgf_torch.judging.clouds import seen_as
+from spgf_torch.objects.config import CollisionConfig
 from spgf_torch.objects.folders import read_objects
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.paths import find
 from spgf_torch.progress import Stages
 from spgf_torch.proposing.judge import load_judge
-from spgf_torch.trials.hand import load_hand
-from spgf_torch.trials.runner import Trials, execute
-from spgf_torch.trials.table import OUTCOMES
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings
+from spgf_torch.simulation.config import EpisodeConfig
+from spgf_torch.simulation.execute import Trials, execute
+from spgf_torch.simulation.table import OUTCOMES
 
 N, RESAMPLES, SEED = 10, 10_000, 0
 SUCCESS, COLLISION = OUTCOMES.index("success"), OUTCOMES.index("collision")

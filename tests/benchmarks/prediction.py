@@ -22,10 +22,12 @@ import torch
 from shared.clouds import objects
 from shared.harness import Report, threads
 
-from spgf_torch.config import SceneConfig, find, settings
 from spgf_torch.features.descriptors import descriptor
+from spgf_torch.paths import find
 from spgf_torch.scene.assembly import scene_of_clouds
 from spgf_torch.scene.cloud import Cloud
+from spgf_torch.scene.config import SceneConfig
+from spgf_torch.settings import settings
 
 DEFAULT, ROUNDS = "outputs/train/latest", 5
 LIMITS = {"one": "<= 0.5 s on 2 cores", "scene": "<= 5 s, <= 2 GB"}

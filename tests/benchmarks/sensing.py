@@ -14,9 +14,10 @@ import numpy as np
 from shared.clouds import objects
 from shared.harness import Report, take_turns, threads
 
-from spgf_torch.config import SensingConfig, settings
 from spgf_torch.sensing.cameras import cast, crop, surround
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import sense
+from spgf_torch.settings import settings
 
 OBJECTS, ROUNDS = 8, 5
 

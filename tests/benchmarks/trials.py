@@ -31,14 +31,17 @@ from shared.clouds import objects
 from shared.harness import Report
 from torch import Tensor
 
-from spgf_torch.config import GRASP_TYPES, EpisodeConfig, HandConfig, SamplerConfig, root, settings, typed
+from spgf_torch.hands.config import GRASP_TYPES, HandConfig
+from spgf_torch.hands.hand import Hand, load_hand
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.trials.attempts import Trials
-from spgf_torch.trials.candidates import sample_candidates
-from spgf_torch.trials.episode import CHECK_STEPS, DIRECTIONS, Simulator
-from spgf_torch.trials.hand import Hand, load_hand
-from spgf_torch.trials.precheck import PreCheck
-from spgf_torch.trials.runner import execute
+from spgf_torch.paths import root
+from spgf_torch.settings import settings, typed
+from spgf_torch.simulation.attempts import Trials
+from spgf_torch.simulation.candidates import sample_candidates
+from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig
+from spgf_torch.simulation.episode import CHECK_STEPS, DIRECTIONS, Simulator
+from spgf_torch.simulation.execute import execute
+from spgf_torch.simulation.precheck import PreCheck
 
 Requests = list[tuple[GraspObject, str, Tensor]]
 

@@ -22,15 +22,18 @@ from shared.clouds import objects, sensed
 from shared.harness import Report, processor, take_turns, threads
 from torch import Tensor
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import learn, vote
 from spgf_torch.affordance.pairs import CellPairs, cell_pairs, lattice_of, points_of
 from spgf_torch.affordance.particles import pairs_within
 from spgf_torch.affordance.ranking import judge
 from spgf_torch.affordance.voting import VotingIndex
-from spgf_torch.config import AffordanceConfig, FeatureConfig, root, settings
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import spgf
+from spgf_torch.paths import root
 from spgf_torch.prototypes.kmeans import assign, kmeans_plusplus, lloyd
-from spgf_torch.trials.table import read_table
+from spgf_torch.settings import settings
+from spgf_torch.simulation.table import read_table
 
 SIZES = (10_000, 100_000, 1_000_000)
 FEATURES, CANDIDATES, K = 1500, 2000, 20

@@ -28,9 +28,9 @@ from shared.tried_rows import Tried, few, tried_with
 from shared.votes_beside import examples, votes
 from torch import Tensor
 
-from spgf_torch.config import find
 from spgf_torch.evaluation.folds import stratified_order
 from spgf_torch.judging.learning import fit, weights
+from spgf_torch.paths import find
 from spgf_torch.progress import Stages
 from spgf_torch.proposing.trees import Form
 

@@ -15,13 +15,15 @@ import numpy as np
 import torch
 import trimesh
 
-from spgf_torch.config import GRASP_TYPES, HandConfig, InputError, settings
-from spgf_torch.datasets.source import TrialSet
-from spgf_torch.exporting.records import Gripper
+from spgf_torch.errors import InputError
+from spgf_torch.formats.trial_sets import TrialSet
+from spgf_torch.hands.config import GRASP_TYPES, HandConfig
+from spgf_torch.hands.hand import Hand
+from spgf_torch.hands.records import Gripper
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.sensing.texlets import Texlets
-from spgf_torch.trials.hand import Hand
-from spgf_torch.trials.table import OUTCOMES, Origin, TrialTable
+from spgf_torch.settings import settings
+from spgf_torch.simulation.table import OUTCOMES, Origin, TrialTable
 
 C, S = 0.8660254, 0.5
 T_OBJECT_TCP = np.array([[0, -C, S, 0.1], [1, 0, 0, 0.2], [0, S, C, 0.3], [0, 0, 0, 1]])

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from small_trials import refusal
 
-from spgf_torch.config import InputError
-from spgf_torch.datasets import folder
-from spgf_torch.datasets.card import CARD, checksums
-from spgf_torch.datasets.folder import check_out, replacing
-from spgf_torch.sealing import sealed_json
+from spgf_torch.errors import InputError
+from spgf_torch.files.sealing import sealed_json
+from spgf_torch.formats import folder
+from spgf_torch.formats.card import CARD, checksums
+from spgf_torch.formats.folder import check_out, replacing
 
 
 def contents(path: Path) -> dict[str, str]:
@@ -58,7 +58,7 @@ def test_what_fails_leaves_the_old_one(tmp_path: Path) -> None:
 KILLED = """
 import os, pathlib, signal, sys
 from spgf_torch.datasets import card, folder
-from spgf_torch.sealing import sealed_json
+from spgf_torch.files.sealing import sealed_json
 out, when = pathlib.Path(sys.argv[1]), sys.argv[2]
 kill = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
 if when == "flushing": folder._flush = kill

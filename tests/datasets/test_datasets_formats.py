@@ -30,16 +30,16 @@ from small_trials import (
     small_trials,
 )
 
-from spgf_torch.config import InputError
-from spgf_torch.datasets.acronym import MOTIONS, read_acronym, write_acronym
-from spgf_torch.datasets.common import read_joints, read_split, write_common
-from spgf_torch.datasets.graspgen import OFFSET, read_graspgen, read_gripper, write_graspgen
-from spgf_torch.datasets.graspnet import write_graspnet_set
-from spgf_torch.datasets.isaac import write_isaac_set
-from spgf_torch.datasets.shards import read_shards, write_shards
-from spgf_torch.datasets.source import TrialSet
-from spgf_torch.exporting.graspnet import read_graspnet
-from spgf_torch.exporting.isaac import read_isaac
+from spgf_torch.errors import InputError
+from spgf_torch.formats.acronym import MOTIONS, read_acronym, write_acronym
+from spgf_torch.formats.common import read_joints, read_split, write_common
+from spgf_torch.formats.graspgen import OFFSET, read_graspgen, read_gripper, write_graspgen
+from spgf_torch.formats.graspnet import read_graspnet
+from spgf_torch.formats.graspnet_datasets import write_graspnet_set
+from spgf_torch.formats.isaac import read_isaac
+from spgf_torch.formats.isaac_datasets import write_isaac_set
+from spgf_torch.formats.shards import read_shards, write_shards
+from spgf_torch.formats.trial_sets import TrialSet
 
 T_GRIPPER_TCP = np.array([[1, 0, 0, 0], [0, 1, 0, -0.02], [0, 0, 1, 0.2], [0, 0, 0, 1]])  # minus (0, 0.02, -0.2)
 

@@ -12,11 +12,11 @@ import torch
 import webdataset
 from small_trials import T_OBJECT_TCP, nothing, refusal, small_trials
 
-from spgf_torch.config import InputError
-from spgf_torch.datasets import tar
-from spgf_torch.datasets.config import SamplesConfig
-from spgf_torch.datasets.samples import grasp_clouds, read_samples, write_samples
-from spgf_torch.datasets.source import TrialSet
+from spgf_torch.errors import InputError
+from spgf_torch.formats import tar
+from spgf_torch.formats.config import SamplesConfig
+from spgf_torch.formats.samples import grasp_clouds, read_samples, write_samples
+from spgf_torch.formats.trial_sets import TrialSet
 
 SETTINGS = SamplesConfig(points=40, radius=0.05, per_shard=3)
 

@@ -21,13 +21,15 @@ from scipy.ndimage import binary_dilation
 from scipy.spatial import ConvexHull
 
 import spgf_torch
-from spgf_torch.config import SensingConfig, root, settings
 from spgf_torch.objects.library import load_objects
+from spgf_torch.paths import root
 from spgf_torch.predictor import Predictor
 from spgf_torch.scene.depth_files import read_depth_file
 from spgf_torch.scene.labels import read_mask
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.noise import measure
+from spgf_torch.settings import settings
 
 CASES = Path(__file__).parents[3] / "shared" / "cases"
 SENSING = settings(SensingConfig)

@@ -18,14 +18,17 @@ from pathlib import Path
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from spgf_torch.config import EpisodeConfig, HandConfig, SamplerConfig, root, settings, typed
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import load_hand
 from spgf_torch.objects.library import load_objects
-from spgf_torch.trials.attempts import Trials
-from spgf_torch.trials.campaign import Campaign, Plan
-from spgf_torch.trials.hand import load_hand
-from spgf_torch.trials.journal import Journal
-from spgf_torch.trials.runner import made_with, origin
-from spgf_torch.trials.runners import Local
+from spgf_torch.paths import root
+from spgf_torch.settings import settings, typed
+from spgf_torch.simulation.attempts import Trials
+from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig
+from spgf_torch.simulation.execute import made_with, origin
+from spgf_torch.simulation.executors import Local
+from spgf_torch.simulation.generation import Campaign, Plan
+from spgf_torch.simulation.run_state import Journal
 
 CHUNK = 50
 TICK = os.sysconf("SC_CLK_TCK")

@@ -10,19 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
-from spgf_torch.config import (
-    JUDGE,
-    NESTED,
-    RANKINGS,
-    AffordanceConfig,
-    EvaluateConfig,
-    FeatureConfig,
-    HandConfig,
-    InputError,
-    SensingConfig,
-    TrainConfig,
-    settings,
-)
+from spgf_torch.affordance.config import JUDGE, NESTED, RANKINGS, AffordanceConfig
+from spgf_torch.errors import InputError
 from spgf_torch.evaluation import paper, tables
 from spgf_torch.evaluation.card import model_card
 from spgf_torch.evaluation.executed import ObjectOutcome, executed_results
@@ -32,6 +21,11 @@ from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.reliability import brier, reliability
 from spgf_torch.evaluation.results import build_results, object_rates, read_results
 from spgf_torch.evaluation.success import bootstrap_interval, ceiling, class_means, random_rate, top_n
+from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
+from spgf_torch.features.config import FeatureConfig
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings
 
 CLASSES_OF_50 = ["containers"] * 20 + ["boxes"] * 14 + ["curved"] * 16
 

@@ -11,7 +11,7 @@ from spgf_torch.experiment.cross_validation import choose
 from spgf_torch.experiment.describe import Described
 from spgf_torch.experiment.experiment import Design
 from spgf_torch.experiment.learning import side_by_side
-from spgf_torch.experiment.space import Example
+from spgf_torch.experiment.training_set import Example
 
 FOLD = np.array([0, 1, 2, 0, 1, 2])
 

@@ -8,15 +8,18 @@ import pytest
 import torch
 import trimesh
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.sensed_collision import hand_volume
 from spgf_torch.cache import Cache
-from spgf_torch.config import AffordanceConfig, FeatureConfig, SensingConfig, settings
 from spgf_torch.experiment import describe as module
 from spgf_torch.experiment.describe import Described, Description, Grasps, Steps
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.geometry import se3
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings
 
 
 def block(name: str, size: tuple[float, float, float]) -> GraspObject:

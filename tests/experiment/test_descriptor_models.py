@@ -6,28 +6,25 @@ import pytest
 import torch
 import trimesh
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import GraspModel, load_model, save_model
 from spgf_torch.affordance.sensed_collision import hand_volume
-from spgf_torch.config import (
-    AffordanceConfig,
-    FeatureConfig,
-    HandConfig,
-    InputError,
-    ProposingConfig,
-    PrototypeConfig,
-    SensingConfig,
-    plain,
-    settings,
-)
+from spgf_torch.errors import InputError
 from spgf_torch.experiment.costs import prediction_ms
 from spgf_torch.experiment.describe import Description, Grasps, Steps
+from spgf_torch.experiment.labelled_grasps import Tried
 from spgf_torch.experiment.learning import learn_model
-from spgf_torch.experiment.space import Example
-from spgf_torch.experiment.tried import Tried
+from spgf_torch.experiment.training_set import Example
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.geometry import se3
+from spgf_torch.hands.config import HandConfig
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
+from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.propose import Proposer
+from spgf_torch.prototypes.config import PrototypeConfig
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import plain, settings
 
 MESH = trimesh.creation.box((0.05, 0.06, 0.08))
 BRICK = GraspObject("brick", "boxes", MESH, (MESH.vertices,), 0.2, MESH.center_mass, MESH.moment_inertia)
@@ -84,7 +81,7 @@ def test_a_prediction_takes_time(model: GraspModel, tried: Tried) -> None:
 
 
 def test_a_model_card_says_the_descriptor() -> None:
-    from spgf_torch.config import DESCRIPTORS
     from spgf_torch.evaluation import card
+    from spgf_torch.features.config import DESCRIPTORS
 
     assert set(card.DESCRIPTORS) == set(DESCRIPTORS)

@@ -17,32 +17,28 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 import spgf_torch
-from spgf_torch.config import (
-    EvaluateConfig,
-    InputError,
-    PredictConfig,
-    ReportConfig,
-    SensingConfig,
-    SimulateConfig,
-    TrainConfig,
-    settings,
-    typed,
-)
+from spgf_torch.errors import InputError
 from spgf_torch.evaluate import run as evaluate
+from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
 from spgf_torch.experiment.held_out import load_fold_models
-from spgf_torch.exporting.graspnet import read_graspnet
-from spgf_torch.exporting.grasps_json import read_grasps
-from spgf_torch.exporting.isaac import read_isaac
+from spgf_torch.formats.graspnet import read_graspnet
+from spgf_torch.formats.grasps_json import read_grasps
+from spgf_torch.formats.isaac import read_isaac
 from spgf_torch.objects.library import load_objects
 from spgf_torch.predict import run as predict
-from spgf_torch.reporting.context import choose
-from spgf_torch.reporting.predictions import read_predictions
-from spgf_torch.reporting.rate_parts import table_part
-from spgf_torch.reporting.runs import load_runs
-from spgf_torch.reporting.sweep import find_sweep
-from spgf_torch.reporting.table1 import table1
+from spgf_torch.reporting.config import ReportConfig
+from spgf_torch.reporting.data.predictions import read_predictions
+from spgf_torch.reporting.data.runs import load_runs
+from spgf_torch.reporting.data.sweep import find_sweep
+from spgf_torch.reporting.pages.context import choose
+from spgf_torch.reporting.pages.rate_parts import table_part
+from spgf_torch.reporting.pages.table1 import table1
+from spgf_torch.scene.config import PredictConfig
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import sense
+from spgf_torch.settings import settings, typed
 from spgf_torch.simulate import run as simulate
+from spgf_torch.simulation.config import SimulateConfig
 from spgf_torch.train import run as train
 
 ROOT = Path(__file__).parents[2]

@@ -4,10 +4,11 @@ import pytest
 import torch
 import trimesh
 
-from spgf_torch.config import SamplerConfig, settings
 from spgf_torch.evaluate import outcomes_of
 from spgf_torch.experiment.execution import Executed, best_grasps, candidate_grasps
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.settings import settings
+from spgf_torch.simulation.config import SamplerConfig
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ Waiting 60 mm back: t - 0.06 (0.5, 0, 0.8660254) = (0.07, 0.2, 0.2480385).
 import numpy as np
 import trimesh
 
-from spgf_torch.exporting.records import Grasp, Gripper, make_grasp
+from spgf_torch.hands.records import Grasp, Gripper, make_grasp
 
 T_INPUT_TCP = np.array([[0, -0.8660254, 0.5, 0.1], [1, 0, 0, 0.2], [0, 0.5, 0.8660254, 0.3], [0, 0, 0, 1]])
 T_INPUT_BASE = np.array(

@@ -12,10 +12,10 @@ import pytest
 import yaml
 from asymmetric import GRIPPERS, asymmetric
 
-from spgf_torch.config import InputError
-from spgf_torch.exporting.graspnet import joints_path, read_graspnet, read_joints, write_graspnet
-from spgf_torch.exporting.grasps_json import read_grasps, write_grasps
-from spgf_torch.exporting.isaac import read_isaac, write_isaac
+from spgf_torch.errors import InputError
+from spgf_torch.formats.graspnet import joints_path, read_graspnet, read_joints, write_graspnet
+from spgf_torch.formats.grasps_json import read_grasps, write_grasps
+from spgf_torch.formats.isaac import read_isaac, write_isaac
 
 READERS: dict[str, Callable[[Path], Any]] = {
     "grasps.json": read_grasps,

@@ -8,9 +8,9 @@ import pytest
 import yaml
 from asymmetric import BASE_W, BASE_XYZ, EXACT, GRIPPERS, T_BASE_TCP, T_INPUT_BASE, T_INPUT_TCP, WAITING, asymmetric
 
-from spgf_torch.exporting.graspnet import joints_path, read_graspnet, read_joints, write_graspnet
-from spgf_torch.exporting.grasps_json import read_grasps, write_grasps
-from spgf_torch.exporting.isaac import read_isaac, write_isaac
+from spgf_torch.formats.graspnet import joints_path, read_graspnet, read_joints, write_graspnet
+from spgf_torch.formats.grasps_json import read_grasps, write_grasps
+from spgf_torch.formats.isaac import read_isaac, write_isaac
 
 OPEN = {"left": 0.04, "right": 0.04, "thumb": -1.5, "shadow": 0.1}
 CLOSED = {"left": 0.0, "right": 0.0, "thumb": -1.5, "shadow": 0.1}

@@ -7,9 +7,12 @@ import pytest
 from asymmetric import GRIPPERS, exact_pose
 from omegaconf import OmegaConf
 
-from spgf_torch.config import HandConfig, InputError, root, settings, typed
-from spgf_torch.exporting.records import Gripper, gripper_for, grippers_of, make_grasp
-from spgf_torch.trials.hand import Hand, load_hand
+from spgf_torch.errors import InputError
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import Hand, load_hand
+from spgf_torch.hands.records import Gripper, gripper_for, grippers_of, make_grasp
+from spgf_torch.paths import root
+from spgf_torch.settings import settings, typed
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from asymmetric import EXACT, GRIPPERS, asymmetric
 
-from spgf_torch.config import InputError
-from spgf_torch.exporting.scene import PATCHES, look, outline, pieces, scene_of
-from spgf_torch.exporting.scene_page import write_scene_page
+from spgf_torch.drawing.grasp_page import write_scene_page
+from spgf_torch.drawing.grasp_scene import PATCHES, look, outline, pieces, scene_of
+from spgf_torch.errors import InputError
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 QUIET = [

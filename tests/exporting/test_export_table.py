@@ -5,7 +5,7 @@ import io
 from asymmetric import asymmetric
 from rich.console import Console
 
-from spgf_torch.exporting.table import grasp_table
+from spgf_torch.drawing.grasp_table import grasp_table
 
 
 def text(names: list[str] | None = None) -> str:

@@ -3,11 +3,13 @@
 import pytest
 import torch
 
-from spgf_torch.config import DESCRIPTORS, FeatureConfig, InputError, settings
+from spgf_torch.errors import InputError
 from spgf_torch.features import fpfh as fpfh_module
+from spgf_torch.features.config import DESCRIPTORS, FeatureConfig
 from spgf_torch.features.descriptors import descriptor, library
 from spgf_torch.features.interface import LocalFeatures
 from spgf_torch.geometry import se3
+from spgf_torch.settings import settings
 
 
 def generator() -> torch.Generator:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from spgf_torch.config import FeatureConfig, settings
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.fpfh import fpfh
 from spgf_torch.features.spgf import spgf
+from spgf_torch.settings import settings
 
 pytest.importorskip("open3d")
 

@@ -5,8 +5,10 @@ import math
 import pytest
 import torch
 
-from spgf_torch.config import FeatureConfig, InputError, settings
+from spgf_torch.errors import InputError
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.patch_pairs import drawn_neighbours, patch_pairs
+from spgf_torch.settings import settings
 
 CONFIG = settings(FeatureConfig, descriptor="patch_pairs", radius=0.03)
 

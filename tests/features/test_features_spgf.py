@@ -7,11 +7,13 @@ import pytest
 import spgf_reference
 import torch
 
-from spgf_torch.config import FeatureConfig, InputError, settings
-from spgf_torch.features import spgf as spgf_module
-from spgf_torch.features.relations import reference_frames, turned
+from spgf_torch.errors import InputError
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import Features, spgf
-from spgf_torch.geometry import neighbours, se3
+from spgf_torch.geometry import se3
+from spgf_torch.ops import describe, neighbours
+from spgf_torch.ops.relations import reference_frames, turned
+from spgf_torch.settings import settings
 
 RIGHT = math.pi / 2
 ARGMAX = settings(FeatureConfig)
@@ -61,7 +63,8 @@ def turned_spgf(angle: torch.Tensor, X: torch.Tensor, n: torch.Tensor, config: F
         return turned(reference_frames(normals, towards), angle[torch.cdist(normals, n).argmin(dim=1)])
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(spgf_module, "reference_frames", frames)
+        patch.setattr(describe, "reference_frames", frames)
+        patch.setattr(describe, "frames_in_torch", frames)
         return spgf(X, n, config)
 
 

@@ -37,21 +37,23 @@ with atheris.instrument_imports(include=["spgf_torch", "yaml"]):
     import yaml
 
     from spgf_torch.affordance.model import load_model, model_settings
-    from spgf_torch.config import HandConfig, InputError, settings
+    from spgf_torch.errors import InputError
     from spgf_torch.evaluation.results import read_results
-    from spgf_torch.exporting.graspnet import read_graspnet
-    from spgf_torch.exporting.grasps_json import read_grasps
-    from spgf_torch.exporting.isaac import read_isaac
+    from spgf_torch.files.mesh_files import mesh_arrays
+    from spgf_torch.formats.graspnet import read_graspnet
+    from spgf_torch.formats.grasps_json import read_grasps
+    from spgf_torch.formats.isaac import read_isaac
+    from spgf_torch.hands.config import HandConfig
+    from spgf_torch.hands.hand import load_hand
     from spgf_torch.objects.library import load_object
     from spgf_torch.objects.manifest import read_manifest
-    from spgf_torch.objects.mesh_files import mesh_arrays
     from spgf_torch.scene.depth_files import read_depth_file
     from spgf_torch.scene.files import read_cloud
     from spgf_torch.scene.intrinsics import read_intrinsics
     from spgf_torch.scene.labels import read_mask
     from spgf_torch.scene.poses import read_poses
-    from spgf_torch.trials.hand import load_hand
-    from spgf_torch.trials.table import read_table
+    from spgf_torch.settings import settings
+    from spgf_torch.simulation.table import read_table
 
 ROOT = Path(__file__).parents[2]
 FOUND = Path("outputs/fuzz")

@@ -26,5 +26,5 @@ def imported() -> None:
     import pytorch_kinematics  # noqa: F401
 
     import spgf_torch.predictor
-    import spgf_torch.reporting.build
+    import spgf_torch.reporting.pages.build
     import spgf_torch.scene.scene  # noqa: F401

@@ -19,15 +19,15 @@ from report_runs import tiny_model, train_config, write_run  # noqa: E402
 
 from spgf_torch.affordance.model import load_model, save_model  # noqa: E402
 from spgf_torch.baselines.kept import read_checkpoint, read_tensors, write_checkpoint, write_tensors  # noqa: E402
-from spgf_torch.config import InputError  # noqa: E402
-from spgf_torch.datasets.card import CARD, check_card, checksums  # noqa: E402
+from spgf_torch.errors import InputError  # noqa: E402
 from spgf_torch.experiment.held_out import load_fold_models  # noqa: E402
-from spgf_torch.experiment.tried import _made_with  # noqa: E402
-from spgf_torch.reporting.predictions import read_predictions  # noqa: E402
-from spgf_torch.reporting.runs import read_per_object, read_run  # noqa: E402
-from spgf_torch.sealing import SUMS, sealed_json, sealed_yaml  # noqa: E402
-from spgf_torch.trials.journal import Journal  # noqa: E402
-from spgf_torch.trials.table import read_table, write_table  # noqa: E402
+from spgf_torch.experiment.labelled_grasps import _made_with  # noqa: E402
+from spgf_torch.files.sealing import SUMS, sealed_json, sealed_yaml  # noqa: E402
+from spgf_torch.formats.card import CARD, check_card, checksums  # noqa: E402
+from spgf_torch.reporting.data.predictions import read_predictions  # noqa: E402
+from spgf_torch.reporting.data.runs import read_per_object, read_run  # noqa: E402
+from spgf_torch.simulation.run_state import Journal  # noqa: E402
+from spgf_torch.simulation.table import read_table, write_table  # noqa: E402
 
 
 @dataclass(frozen=True)

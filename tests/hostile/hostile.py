@@ -25,24 +25,19 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import FORMAT, SCHEMA
-from spgf_torch.cli import fail, slug
-from spgf_torch.config import (
-    AffordanceConfig,
-    EvaluateConfig,
-    FeatureConfig,
-    HandConfig,
-    InputError,
-    PredictConfig,
-    PrototypeConfig,
-    ReportConfig,
-    SensingConfig,
-    SimulateConfig,
-    TrainConfig,
-    plain,
-    settings,
-    typed,
-)
+from spgf_torch.cli.door import fail, slug
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
+from spgf_torch.features.config import FeatureConfig
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.prototypes.config import PrototypeConfig
+from spgf_torch.reporting.config import ReportConfig
+from spgf_torch.scene.config import PredictConfig
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import plain, settings, typed
+from spgf_torch.simulation.config import SimulateConfig
 
 ROOT = Path(__file__).parents[2]
 KINDS = {

@@ -9,11 +9,11 @@ import flips
 import pytest
 from flips import ROOT, accepted, kinds, sums_accepted
 
-import spgf_torch.sealing as sealing
+import spgf_torch.files.sealing as sealing
 from spgf_torch.affordance.model import load_model
-from spgf_torch.config import InputError
-from spgf_torch.sealing import BLANK, KEY, MARK, SUMS, check_seal, sealed, sealed_json
-from spgf_torch.trials.table import read_table
+from spgf_torch.errors import InputError
+from spgf_torch.files.sealing import BLANK, KEY, MARK, SUMS, check_seal, sealed, sealed_json
+from spgf_torch.simulation.table import read_table
 
 NAMES = (
     "model.safetensors",

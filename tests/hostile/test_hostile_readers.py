@@ -16,19 +16,19 @@ import pyarrow.parquet as pq
 import pytest
 from hostile import bounded, tree
 
-from spgf_torch.config import InputError
-from spgf_torch.datasets.acronym import read_acronym
-from spgf_torch.datasets.card import check_card
-from spgf_torch.datasets.graspgen import read_graspgen, read_gripper
-from spgf_torch.datasets.samples import read_samples
-from spgf_torch.datasets.shards import read_shards
-from spgf_torch.exporting.graspnet import read_graspnet
-from spgf_torch.exporting.grasps_json import read_grasps
-from spgf_torch.exporting.isaac import read_isaac
-from spgf_torch.objects.mesh_files import mesh_arrays
-from spgf_torch.parquet import parquet_table
-from spgf_torch.reading import npy_array, npz_arrays, xml_root, yaml_values
-from spgf_torch.sealing import sealed_json
+from spgf_torch.errors import InputError
+from spgf_torch.files.mesh_files import mesh_arrays
+from spgf_torch.files.parquet import parquet_table
+from spgf_torch.files.reading import npy_array, npz_arrays, xml_root, yaml_values
+from spgf_torch.files.sealing import sealed_json
+from spgf_torch.formats.acronym import read_acronym
+from spgf_torch.formats.card import check_card
+from spgf_torch.formats.graspgen import read_graspgen, read_gripper
+from spgf_torch.formats.graspnet import read_graspnet
+from spgf_torch.formats.grasps_json import read_grasps
+from spgf_torch.formats.isaac import read_isaac
+from spgf_torch.formats.samples import read_samples
+from spgf_torch.formats.shards import read_shards
 
 Make = Callable[[], bytes]
 BIG = 2**61 - 1  # Python's hash of whole numbers is the rest of them by this

@@ -16,10 +16,10 @@ import yaml
 sys.path.append(str(Path(__file__).parents[1] / "reporting"))
 from report_runs import rewritten, write_run
 
-from spgf_torch.config import InputError
-from spgf_torch.reporting.predictions import read_predictions
-from spgf_torch.reporting.runs import Notes, load_runs, read_per_object
-from spgf_torch.sealing import KEY, sealed_json
+from spgf_torch.errors import InputError
+from spgf_torch.files.sealing import KEY, sealed_json
+from spgf_torch.reporting.data.predictions import read_predictions
+from spgf_torch.reporting.data.runs import Notes, load_runs, read_per_object
 
 Change = Callable[[Any], Any]
 

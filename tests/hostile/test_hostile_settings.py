@@ -10,7 +10,7 @@ import pytest
 from hostile import KINDS, bounded, defaults, tree
 from hydra.core.global_hydra import GlobalHydra
 
-from spgf_torch.cli import door
+from spgf_torch.cli.door import door
 
 CASES: list[tuple[str, list[str], str]] = [
     ("train", ["K=abc"], "K: "),

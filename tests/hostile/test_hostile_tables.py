@@ -16,10 +16,11 @@ from hostile import ROOT, Case, Write, as_json, model_document, nothing, raw, re
 from safetensors.torch import save_file
 
 from spgf_torch.affordance.calibration import TERMS
-from spgf_torch.config import HandConfig, settings
-from spgf_torch.sealing import BLANK
-from spgf_torch.trials.hand import load_hand
-from spgf_torch.trials.table import KEY
+from spgf_torch.files.sealing import BLANK
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import load_hand
+from spgf_torch.settings import settings
+from spgf_torch.simulation.table import KEY
 
 OBJECTS = ("apple", "box_tea", "egg", "mug_coffee")
 FIRST = "trials/apple.parquet"

@@ -6,11 +6,15 @@ from typing import Any
 import torch
 from omegaconf import OmegaConf
 
-from spgf_torch.config import HandConfig, HypothesesConfig, JudgeConfig, TreesConfig, find, plain, settings, typed
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.judging.config import JudgeConfig, TreesConfig
 from spgf_torch.judging.learning import learn_judge
 from spgf_torch.judging.rows import Rows
+from spgf_torch.paths import find
+from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.judge import Judge, save_judge
 from spgf_torch.proposing.judge_features import NAMES
+from spgf_torch.settings import plain, settings, typed
 
 
 def quick_judge(hand: str = "sdh2", **changes: Any) -> Judge:

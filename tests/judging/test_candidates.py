@@ -12,16 +12,18 @@ from omegaconf import OmegaConf
 
 from spgf_torch.affordance.pairs import CellPairs
 from spgf_torch.cache import Cache
-from spgf_torch.config import TrainConfig, TreesConfig, settings, typed
+from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.describe import Described, Grasps
 from spgf_torch.experiment.experiment import Design, teaching
-from spgf_torch.experiment.space import Example
-from spgf_torch.experiment.tried import Tried, tried_grasps
+from spgf_torch.experiment.labelled_grasps import Tried, tried_grasps
+from spgf_torch.experiment.training_set import Example
 from spgf_torch.judging.candidates import EXCLUDED, CandidateRanking
+from spgf_torch.judging.config import TreesConfig
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
 from spgf_torch.progress import Stages
 from spgf_torch.sensing.sense import sense
+from spgf_torch.settings import settings, typed
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("bowl_sugar", "egg", "mug_coffee", "tumbler")

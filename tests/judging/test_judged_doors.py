@@ -19,21 +19,25 @@ from judges import quick_judge, saved
 from omegaconf import OmegaConf
 
 import spgf_torch
-from spgf_torch.config import EvaluateConfig, InputError, PredictConfig, SensingConfig, settings, typed
+from spgf_torch.errors import InputError
 from spgf_torch.evaluate import _known, known_lines
 from spgf_torch.evaluate import run as evaluate
-from spgf_torch.exporting.grasps_json import read_grasps
-from spgf_torch.exporting.records import Grasp
+from spgf_torch.experiment.config import EvaluateConfig
 from spgf_torch.extras import PACKAGES
+from spgf_torch.formats.grasps_json import read_grasps
+from spgf_torch.hands.records import Grasp
 from spgf_torch.predict import run as predict
 from spgf_torch.predictor import Predictor
 from spgf_torch.proposing.judge import load_judge
 from spgf_torch.proposing.judge_features import NAMES as NUMBERS
 from spgf_torch.proposing.judge_features import Seen, judge_features
 from spgf_torch.proposing.judged import JudgedProposer
+from spgf_torch.scene.config import PredictConfig
 from spgf_torch.scene.depth import pixel_points
 from spgf_torch.scene.scene import Scene
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings, typed
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("bowl_sugar", "jar_jam", "tumbler", "soap_bar", "box_tea", "egg")

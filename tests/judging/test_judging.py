@@ -14,10 +14,12 @@ from omegaconf import OmegaConf
 from sklearn.metrics import roc_auc_score
 
 from spgf_torch.cache import Cache
-from spgf_torch.config import InputError, JudgeConfig, SensingConfig, settings, typed
-from spgf_torch.experiment.tried import open_hand
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.labelled_grasps import open_hand
+from spgf_torch.hands.hand import load_hand
 from spgf_torch.judge import run as learn
 from spgf_torch.judging.clouds import seen_as, training_clouds
+from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.fitting import fits
 from spgf_torch.judging.rounds import choose
 from spgf_torch.judging.rows import PICKED, Bench, Chosen, Rows
@@ -30,12 +32,13 @@ from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import load_judge
 from spgf_torch.proposing.judge_features import NAMES
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.unseen import behind
-from spgf_torch.trials.attempts import Trials
-from spgf_torch.trials.hand import load_hand
-from spgf_torch.trials.runner import execute
-from spgf_torch.trials.runners import Here
+from spgf_torch.settings import settings, typed
+from spgf_torch.simulation.attempts import Trials
+from spgf_torch.simulation.execute import execute
+from spgf_torch.simulation.executors import Here
 
 ROOT = Path(__file__).parents[2]
 OBJECTS = ("soap_bar", "egg", "box_tea", "tumbler")

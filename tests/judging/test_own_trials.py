@@ -10,15 +10,18 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from test_judging import OBJECTS, config
 
-from spgf_torch.config import InputError, JudgeConfig, TrainConfig, plain, typed
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.geometry.se3 import random_poses
 from spgf_torch.judge import run as learn
+from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.own_trials import CHOICE, OwnOrigin, OwnTrials, read_own, write_own
 from spgf_torch.judging.rows import PICKED, Chosen
 from spgf_torch.judging.settings import judge_settings
 from spgf_torch.proposing.hypotheses import Hypotheses
+from spgf_torch.settings import plain, typed
+from spgf_torch.simulation import executors as runners
 from spgf_torch.train import run as train
-from spgf_torch.trials import runners
 
 ROOT = Path(__file__).parents[2]
 

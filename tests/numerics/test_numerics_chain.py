@@ -14,13 +14,16 @@ from spgf_torch.affordance.model import GraspModel, learn, vote
 from spgf_torch.affordance.pairs import cell_pairs
 from spgf_torch.affordance.ranking import judge, rankings
 from spgf_torch.affordance.voting import VotingIndex
-from spgf_torch.config import FeatureConfig, InputError, PrototypeConfig, settings
+from spgf_torch.errors import InputError
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import spgf
 from spgf_torch.geometry import se3
 from spgf_torch.proposing.propose import Proposals, Proposer
+from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.prototypes.module import fit_prototypes
 from spgf_torch.sensing.texlets import Texlets
+from spgf_torch.settings import settings
 
 FEATURES = settings(FeatureConfig)
 UP = torch.tensor([0.0, 0.0, 1.0])

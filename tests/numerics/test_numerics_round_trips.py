@@ -13,17 +13,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from spgf_torch.config import SceneConfig
-from spgf_torch.config import settings as room
 from spgf_torch.geometry import se3
 from spgf_torch.scene.cloud import Cloud, voxel_means
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.files import read_cloud
 from spgf_torch.scene.intrinsics import read_intrinsics
 from spgf_torch.scene.normals import neighbourhoods
 from spgf_torch.scene.planes import height
 from spgf_torch.scene.poses import read_poses
 from spgf_torch.scene.table import find_plane
-from spgf_torch.trials.table import KEY, Origin, TrialTable, read_table, write_table
+from spgf_torch.settings import settings as room
+from spgf_torch.simulation.table import KEY, Origin, TrialTable, read_table, write_table
 
 FEW = settings(max_examples=15, deadline=None, derandomize=True, database=None)
 metres = st.floats(-5, 5, allow_subnormal=False)

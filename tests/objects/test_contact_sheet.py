@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.image import imread
 
-from spgf_torch.config import find
 from spgf_torch.objects.contact_sheet import contact_sheet
 from spgf_torch.objects.library import load_object
+from spgf_torch.paths import find
 
 
 def test_contact_sheet_draws_each_object_in_its_colour(tmp_path: Path) -> None:

@@ -10,25 +10,20 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from spgf_torch.cache import Cache
-from spgf_torch.cli import slug
-from spgf_torch.config import (
-    CLASSES,
-    CollisionConfig,
-    HandConfig,
-    InputError,
-    ObjectsConfig,
-    SimulateConfig,
-    TrainConfig,
-    root,
-    settings,
-    typed,
-)
+from spgf_torch.cli.door import slug
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.hands.config import HandConfig
 from spgf_torch.objects import kept_pieces
+from spgf_torch.objects.config import CLASSES, CollisionConfig, ObjectsConfig
 from spgf_torch.objects.folders import Objects, read_objects
 from spgf_torch.objects.layouts import recognise
 from spgf_torch.objects.manifest import CATEGORIES
 from spgf_torch.objects.scans import NOTHING_KEPT
+from spgf_torch.paths import root
 from spgf_torch.progress import Stages
+from spgf_torch.settings import settings, typed
+from spgf_torch.simulation.config import SimulateConfig
 
 SIZE = np.array((0.06, 0.04, 0.10))
 

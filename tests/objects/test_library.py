@@ -10,8 +10,9 @@ import pytest
 import yaml
 from scipy.spatial import ConvexHull
 
-from spgf_torch.config import InputError, find
+from spgf_torch.errors import InputError
 from spgf_torch.objects.library import load_object, load_objects
+from spgf_torch.paths import find
 
 SHIPPED = find("data/objects")
 GOOD = {

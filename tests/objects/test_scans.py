@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from spgf_torch.config import CollisionConfig, InputError, root, settings
+from spgf_torch.errors import InputError
+from spgf_torch.objects.config import CollisionConfig
 from spgf_torch.objects.mending import mended, open_edges
 from spgf_torch.objects.scans import FITTED, Scan, Source, fit, read_body, read_mesh, scan_of
+from spgf_torch.paths import root
+from spgf_torch.settings import settings
 
 SCANS = root().parent / "shared" / "meshes"
 SIZE = (0.06, 0.04, 0.10)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from spgf_torch.config import InputError, typed
+from spgf_torch.errors import InputError
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import Description, build
 from spgf_torch.objects.lofts import SEGMENTS
 from spgf_torch.objects.shapes import SHAPES
+from spgf_torch.settings import typed
 
 TAN = np.tan(np.pi / SEGMENTS)
 

@@ -3,12 +3,15 @@
 import torch
 import trimesh
 
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import GraspModel, learn
 from spgf_torch.affordance.pairs import cell_pairs
 from spgf_torch.affordance.sensed_collision import HandVolume, hand_volume
-from spgf_torch.config import AffordanceConfig, FeatureConfig, ProposingConfig, plain, settings
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import Features
 from spgf_torch.geometry import se3
+from spgf_torch.proposing.config import ProposingConfig
+from spgf_torch.settings import plain, settings
 
 AFFORDANCE = settings(AffordanceConfig, reach=0.06, rotation_deg=45, kernel=0, kernel_deg=0, min_support=1)
 CONFIG = settings(

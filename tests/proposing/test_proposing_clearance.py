@@ -4,7 +4,7 @@ import pytest
 import torch
 from proposing_models import VOLUMES, two_fingers
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.proposing.clearance import Clearance, Plane, half_opening, hull_corners
 
 DOWN = torch.diag(torch.tensor([1.0, -1, -1, 1]))  # approach straight down

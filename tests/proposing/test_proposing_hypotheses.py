@@ -9,14 +9,17 @@ import torch
 from omegaconf import OmegaConf
 from proposing_models import VOLUMES, two_fingers
 
-from spgf_torch.config import HandConfig, HypothesesConfig, find, settings, typed
-from spgf_torch.experiment.tried import open_hand
+from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.geometry import se3
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.paths import find
 from spgf_torch.predictor import block
 from spgf_torch.proposing.clearance import Clearance, Plane, Surroundings
+from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.hand_geometry import HandGeometry, closing_region
 from spgf_torch.proposing.hypotheses import Search, frames, local, places, profile
 from spgf_torch.sensing.texlets import Texlets
+from spgf_torch.settings import settings, typed
 
 CONFIG = settings(HypothesesConfig, seeds=8, hypotheses=100_000)
 SEARCH = Search.of(Clearance(VOLUMES, 0.005, 0.01, 0.004), CONFIG)

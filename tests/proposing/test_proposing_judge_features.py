@@ -7,14 +7,15 @@ import pytest
 import torch
 from proposing_models import VOLUMES
 
-from spgf_torch.config import HypothesesConfig, settings
 from spgf_torch.geometry import se3
 from spgf_torch.proposing.clearance import Clearance
+from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge_features import GEOMETRY, NAMES, Seen, in_images, judge_features
 from spgf_torch.sensing.cameras import Camera, look_at
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.sensing.unseen import DepthView, behind
+from spgf_torch.settings import settings
 
 CONFIG = settings(HypothesesConfig)
 SEARCH = Search.of(Clearance(VOLUMES, 0.005, 0.01), CONFIG)

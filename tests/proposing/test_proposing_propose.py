@@ -8,7 +8,6 @@ import torch
 from proposing_models import AFFORDANCE, CONFIG, SETTINGS, VOLUMES, centres, features_of, learned, patches
 
 from spgf_torch.affordance.calibration import uncalibrated
-from spgf_torch.affordance.lattice import Lattice
 from spgf_torch.affordance.model import GraspModel
 from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.affordance.pairs import cell_pairs, lattice_of, points_of
@@ -16,6 +15,7 @@ from spgf_torch.affordance.ranking import judge
 from spgf_torch.affordance.voting import cast_votes
 from spgf_torch.features.spgf import Features
 from spgf_torch.geometry import se3
+from spgf_torch.geometry.lattice import Lattice
 from spgf_torch.proposing.clearance import Plane, Surroundings
 from spgf_torch.proposing.propose import Proposals, Proposer, propose
 from spgf_torch.proposing.spreading import same_grasp

@@ -4,12 +4,14 @@ import pytest
 import torch
 from proposing_models import VOLUMES
 
-from spgf_torch.config import GRASP_TYPES, HypothesesConfig, settings
 from spgf_torch.geometry import se3
+from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.predictor import block
 from spgf_torch.proposing.clearance import Clearance, Plane, Surroundings
+from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.hypotheses import PLACES, Search, frames, local, moved, places, profile
 from spgf_torch.proposing.pushing import CELL, ROOM, pieces_of
+from spgf_torch.settings import settings
 
 CONFIG = settings(HypothesesConfig, seeds=4, hypotheses=100_000)
 SEARCH = Search.of(Clearance(VOLUMES, 0.005, 0.01, 0.004), CONFIG)

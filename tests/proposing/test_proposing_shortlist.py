@@ -7,9 +7,9 @@ import torch
 from proposing_models import AFFORDANCE, CONFIG, learned
 
 from spgf_torch.affordance.ranking import point_gains
-from spgf_torch.config import settings
 from spgf_torch.geometry import se3
 from spgf_torch.proposing.shortlist import Shortlist, shortlist
+from spgf_torch.settings import settings
 
 HALF_TURN = torch.diag(torch.tensor([-1.0, -1, 1, 1]))
 

@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from spgf_torch.exporting.weighed_words import weighed_words
+from spgf_torch.drawing.weighed_words import weighed_words
 from spgf_torch.proposing.judge import KNOWN, Judge
 from spgf_torch.proposing.judge_features import NAMES
 from spgf_torch.proposing.trees import Logistic

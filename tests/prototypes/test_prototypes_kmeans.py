@@ -4,7 +4,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from spgf_torch.prototypes import kmeans
+from spgf_torch.ops import kmeans
+from spgf_torch.ops import lloyd as lloyd_operator
+from spgf_torch.ops.lloyd import nearest_of, reassign_empty
 from spgf_torch.prototypes.kmeans import (
     assign,
     canonical_order,
@@ -12,8 +14,6 @@ from spgf_torch.prototypes.kmeans import (
     kmeans_plusplus,
     lloyd,
     minibatch_step,
-    nearest,
-    reassign_empty,
 )
 
 FOUR_POINTS = torch.tensor([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0], [1.0, 1.0]])
@@ -62,10 +62,10 @@ def test_four_points_by_hand() -> None:
 @pytest.mark.parametrize("size", [1 << 20, 16])
 def test_steps_equal_the_loops(dtype: torch.dtype, size: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kmeans, "CHUNK", size)
-    monkeypatch.setattr(kmeans, "PART", size)
+    monkeypatch.setattr(lloyd_operator, "PART", size)
     points, centres = (data.to(dtype) for data in random_data())
     ids, moved, total = lloyd_step_loop(points, centres)
-    distance, found = nearest(points, centres)
+    distance, found = nearest_of(points, centres)
     assert assign(points, centres).tolist() == found.tolist() == ids
     new = lloyd_step(points, centres)
     assert new.dtype == dtype and torch.allclose(new.double(), moved, atol=1e-5)
@@ -88,7 +88,7 @@ def test_many_steps_equal_the_loops(clusters: int, spread: float) -> None:
 
 
 def test_one_and_two_threads_step_alike(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kmeans, "PART", 64)
+    monkeypatch.setattr(lloyd_operator, "PART", 64)
     points, centres = random_data(1000, 20, 8)
     threads = torch.get_num_threads()
     try:

@@ -5,10 +5,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from spgf_torch.config import PrototypeConfig, settings
-from spgf_torch.prototypes import kernels
+from spgf_torch.ops.kmeans_start import Weighted, settle
+from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import inertia, lloyd
 from spgf_torch.prototypes.search import Summary, breathe, initial_centres, principal_components
+from spgf_torch.settings import settings
 
 
 def blobs(middles: Tensor, members: int = 100, spread: float = 0.1) -> Tensor:
@@ -32,10 +33,8 @@ def test_nearest_equals_the_loop(dims: int, clusters: int) -> None:
     generator = torch.Generator().manual_seed(0)
     points, centres = torch.randn(1300, dims, generator=generator), torch.randn(clusters, dims, generator=generator)
     exact = torch.cdist(points.double(), centres.double()).square()
-    distance, second, ids = np.empty(1300, np.float32), np.empty(1300, np.float32), np.empty(1300, np.int64)
-    columns = np.ascontiguousarray(points.T.numpy())
-    kernels.nearest(columns, centres.numpy(), distance, second, ids)
-    np.testing.assert_allclose(exact.gather(1, torch.from_numpy(ids)[:, None])[:, 0], exact.amin(1), rtol=1e-5)
+    _, _, distance, second, ids = settle(Weighted.of(points, torch.ones(1300)), centres, 0, 0.0)
+    np.testing.assert_allclose(exact.gather(1, ids[:, None])[:, 0], exact.amin(1), rtol=1e-5)
     np.testing.assert_allclose(distance, exact.amin(1), rtol=1e-4, atol=1e-6)
     if clusters > 1:
         np.testing.assert_allclose(second, exact.sort(1).values[:, 1], rtol=1e-4, atol=1e-6)
@@ -58,8 +57,7 @@ def test_weights_are_copies() -> None:
 def summary_of(points: Tensor, weights: Tensor | None = None) -> Summary:
     """A summary in which every point is a part of its own."""
     summary = Summary(points[:1], 1)
-    summary.rows, summary.columns = points.numpy(), np.ascontiguousarray(points.T.numpy())
-    summary.weights = (torch.ones(len(points)) if weights is None else weights.float()).numpy()
+    summary.points = Weighted.of(points, torch.ones(len(points)) if weights is None else weights.float())
     return summary
 
 
@@ -67,9 +65,9 @@ def summary_of(points: Tensor, weights: Tensor | None = None) -> Summary:
 def test_parts_hold_every_point_once_and_stand_at_its_mean(parts: int) -> None:
     points = torch.randn(400, 6, generator=torch.Generator().manual_seed(0))
     summary = Summary(points, parts)
-    assert len(summary.rows) == parts and summary.weights.sum() == 400
-    for part, (row, weight) in enumerate(zip(summary.rows, summary.weights, strict=True)):
-        members = points[torch.from_numpy(summary.part == part)]
+    assert len(summary.points.rows) == parts and summary.points.weights.sum() == 400
+    for part, (row, weight) in enumerate(zip(summary.points.rows, summary.points.weights, strict=True)):
+        members = points[summary.part == part]
         assert len(members) == weight > 0
         np.testing.assert_allclose(row, members.mean(0), atol=1e-5)
 
@@ -77,9 +75,9 @@ def test_parts_hold_every_point_once_and_stand_at_its_mean(parts: int) -> None:
 def test_parts_split_where_the_error_is() -> None:
     """0, 1 and 10, 11: first between 1 and 10 (mean 5.5), then each pair; copies of one point are never split."""
     points = torch.tensor([[0.0], [10.0], [1.0], [11.0]]).repeat(3, 1)
-    assert Summary(points, 2).rows[:, 0].tolist() == [0.5, 10.5]
-    assert Summary(points, 99).rows[:, 0].tolist() == [0.0, 1.0, 10.0, 11.0]
-    assert Summary(torch.full((5, 2), 0.1), 3).weights.tolist() == [5.0]
+    assert Summary(points, 2).points.rows[:, 0].tolist() == [0.5, 10.5]
+    assert Summary(points, 99).points.rows[:, 0].tolist() == [0.0, 1.0, 10.0, 11.0]
+    assert Summary(torch.full((5, 2), 0.1), 3).points.weights.tolist() == [5.0]
 
 
 def test_breathing_leaves_a_local_optimum() -> None:

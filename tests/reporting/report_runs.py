@@ -11,15 +11,17 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from spgf_torch.affordance.calibration import TERMS, Calibration
-from spgf_torch.affordance.lattice import Lattice
+from spgf_torch.affordance.config import RANKINGS
 from spgf_torch.affordance.model import GraspModel, save_model
 from spgf_torch.affordance.neighbourhood import Condensed
-from spgf_torch.cli import slug
-from spgf_torch.config import RANKINGS, TrainConfig, plain, typed
+from spgf_torch.cli.door import slug
 from spgf_torch.evaluation.files import FILES, RESULTS, write_per_object, write_predictions, write_results
 from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.results import build_results
-from spgf_torch.sealing import KEY
+from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.files.sealing import KEY
+from spgf_torch.geometry.lattice import Lattice
+from spgf_torch.settings import plain, typed
 
 ROOT = Path(__file__).parents[2]
 OBJECTS = {"mug_coffee": "containers", "box_tea": "boxes", "egg": "curved"}

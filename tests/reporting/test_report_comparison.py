@@ -14,12 +14,15 @@ from PIL import Image
 from report_runs import ROOT, defaults, rewritten, without_ranking, write_run
 
 from spgf_torch.compare import run as door
-from spgf_torch.config import CompareConfig, InputError, TrainConfig, typed
-from spgf_torch.reporting.comparison import Entry, baseline_rows, committed, compare, find_rows
-from spgf_torch.reporting.comparison_text import costs, long_csv, verdict
-from spgf_torch.reporting.costs import Costs, costs_of
-from spgf_torch.reporting.runs import Run, load_runs
-from spgf_torch.reporting.sweep import Difference
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.reporting.config import CompareConfig
+from spgf_torch.reporting.data.comparison import Entry, baseline_rows, committed, compare, find_rows
+from spgf_torch.reporting.data.costs import Costs, costs_of
+from spgf_torch.reporting.data.runs import Run, load_runs
+from spgf_torch.reporting.data.sweep import Difference
+from spgf_torch.reporting.pages.comparison_text import costs, long_csv, verdict
+from spgf_torch.settings import typed
 
 ROWS = ("fpfh", "normal_only", "patch_pairs", "random_axis", "spgf")
 

@@ -7,17 +7,11 @@ import numpy as np
 import pytest
 from report_runs import write_run
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.evaluation.success import bootstrap_interval
-from spgf_torch.reporting.learned import fork, ring_positions, rings, spread
-from spgf_torch.reporting.predictions import (
-    Candidates,
-    ceilings_at,
-    class_curves,
-    precision_at,
-    read_predictions,
-)
-from spgf_torch.reporting.runs import read_run
+from spgf_torch.reporting.data.predictions import Candidates, ceilings_at, class_curves, precision_at, read_predictions
+from spgf_torch.reporting.data.runs import read_run
+from spgf_torch.reporting.figures.learned import fork, ring_positions, rings, spread
 
 
 def candidates(score: list[float], success: list[int], grasp_type: list[int], fold: int = 0) -> Candidates:

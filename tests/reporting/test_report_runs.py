@@ -5,10 +5,11 @@ from pathlib import Path
 import pytest
 from report_runs import rewritten, without_ranking, write_run
 
-from spgf_torch.config import InputError, ReportConfig
-from spgf_torch.reporting.context import choose
-from spgf_torch.reporting.runs import load_runs, read_per_object, read_run
-from spgf_torch.reporting.sweep import find_sweep
+from spgf_torch.errors import InputError
+from spgf_torch.reporting.config import ReportConfig
+from spgf_torch.reporting.data.runs import load_runs, read_per_object, read_run
+from spgf_torch.reporting.data.sweep import find_sweep
+from spgf_torch.reporting.pages.context import choose
 
 CONFIG = ReportConfig(
     runs="", ranking="nested", rankings=["log_odds"], objects=1, worst=1, grasps=4, precision=5, bootstrap=100, seed=0

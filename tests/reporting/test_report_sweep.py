@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from spgf_torch.config import InputError
-from spgf_torch.reporting.ablations import points
-from spgf_torch.reporting.context import tell_replaced
-from spgf_torch.reporting.runs import ObjectRow, Run
-from spgf_torch.reporting.sweep import difference, find_sweep
+from spgf_torch.errors import InputError
+from spgf_torch.reporting.data.runs import ObjectRow, Run
+from spgf_torch.reporting.data.sweep import difference, find_sweep
+from spgf_torch.reporting.pages.ablations import points
+from spgf_torch.reporting.pages.context import tell_replaced
 
 
 def made(stamp: str, K: int, **settings: Any) -> Run:

@@ -4,8 +4,8 @@ import csv
 import io
 from pathlib import Path
 
-from spgf_torch.reporting.runs import Run
-from spgf_torch.reporting.table1 import escape, latex, long_csv, markdown, page_table, table1
+from spgf_torch.reporting.data.runs import Run
+from spgf_torch.reporting.pages.table1 import escape, latex, long_csv, markdown, page_table, table1
 
 RATES = {name: {"NPG": 0.123, "WPG": 0.456, "CG": 0.789} for name in ("containers", "boxes", "curved", "all")}
 BOUNDS = {name: {kind: (rate - 0.1, rate + 0.1) for kind, rate in row.items()} for name, row in RATES.items()}

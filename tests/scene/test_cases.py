@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from spgf_torch.config import InputError, SceneConfig, settings
-from spgf_torch.objects.mesh_files import mesh_arrays
+from spgf_torch.errors import InputError
+from spgf_torch.files.mesh_files import mesh_arrays
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.depth_files import is_depth
 from spgf_torch.scene.files import read_clouds
 from spgf_torch.scene.intrinsics import read_intrinsics
 from spgf_torch.scene.labels import read_mask
 from spgf_torch.scene.poses import read_poses
 from spgf_torch.scene.views import read_views
+from spgf_torch.settings import settings
 
 CASES = Path(__file__).parents[3] / "shared" / "cases"
 pytestmark = pytest.mark.skipif(not CASES.is_dir(), reason="the cases are not here")

@@ -8,15 +8,18 @@ import pytest
 import torch
 import trimesh
 
-from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.errors import InputError
 from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.assembly import read_scene, scene_of_views, texlets_of
 from spgf_torch.scene.cloud import Cloud
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.selection import check_extent
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, surround
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import observe
+from spgf_torch.settings import settings
 
 SENSING = settings(SensingConfig)
 Oriented = tuple[np.ndarray, np.ndarray]

@@ -8,11 +8,13 @@ import pytest
 import torch
 from PIL import Image
 
-from spgf_torch.config import InputError, SceneConfig, settings
+from spgf_torch.errors import InputError
 from spgf_torch.scene.arrays import cloud_of_arrays, view_of_arrays
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.depth_files import is_depth
 from spgf_torch.scene.files import read_cloud
 from spgf_torch.scene.views import read_views
+from spgf_torch.settings import settings
 
 P = np.random.default_rng(0).random((40, 3)) * 0.3 + 0.1
 K = np.array([[60.0, 0, 24.5], [0, 60, 19.5], [0, 0, 1]])

@@ -9,9 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.errors import InputError
 from spgf_torch.scene.assembly import read_scene
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.scene import Scene
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings
 
 CASES = Path(__file__).parents[3] / "shared" / "cases"
 pytestmark = pytest.mark.skipif(not CASES.is_dir(), reason="the cases are not here")

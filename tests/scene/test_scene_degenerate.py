@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from spgf_torch.config import SceneConfig, SensingConfig, settings
 from spgf_torch.scene.assembly import scene_of_clouds
 from spgf_torch.scene.cloud import Cloud
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.scene import Scene
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings
 
 RNG = np.random.default_rng(0)
 SENSING = settings(SensingConfig)

@@ -10,8 +10,9 @@ import torch
 import yaml
 from PIL import Image
 
-from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.errors import InputError
 from spgf_torch.scene.assembly import read_scene, scene_of_views
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.depth import camera_of, every, learned_stride
 from spgf_torch.scene.depth_files import in_metres, read_depth_file
 from spgf_torch.scene.intrinsics import Intrinsics, read_intrinsics
@@ -20,8 +21,10 @@ from spgf_torch.scene.poses import read_poses
 from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, cast, look_at
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.texlets import extract
 from spgf_torch.sensing.unseen import behind
+from spgf_torch.settings import settings
 
 SENSING = settings(SensingConfig)
 K = np.array([[280.0, 0, 49.5], [0, 290.0, 39.5], [0, 0, 1]])

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
+from spgf_torch.files.mesh_files import mesh_arrays, ply_faces
 from spgf_torch.geometry.principal import principal_axes
-from spgf_torch.objects.mesh_files import mesh_arrays, ply_faces
 from spgf_torch.scene.cloud import Cloud, voxel_means
 from spgf_torch.scene.files import read_cloud
 

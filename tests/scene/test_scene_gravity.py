@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from spgf_torch.config import InputError, SceneConfig, settings
+from spgf_torch.errors import InputError
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.gravity import Gravity, gravity_of
 from spgf_torch.sensing.cameras import look_at
+from spgf_torch.settings import settings
 
 ELSEWHERE = np.array([[0.3, -0.4, 0.5]])
 

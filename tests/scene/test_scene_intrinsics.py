@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.scene.intrinsics import Intrinsics, read_intrinsics
 from spgf_torch.scene.poses import read_poses
 

@@ -7,10 +7,13 @@ import pytest
 import torch
 import trimesh
 
-from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.errors import InputError
 from spgf_torch.scene.assembly import texlets_of
 from spgf_torch.scene.cloud import Cloud, voxel_means
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.normals import facing, neighbourhoods, oriented, outwardness, principal_normals
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings
 
 CONFIG, SENSING = settings(SceneConfig), settings(SensingConfig)
 AWAY = np.array([0.1, 0.0, 0.2])  # the ball's centre

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from spgf_torch.config import SensingConfig, settings
 from spgf_torch.scene.one_view import seen_from
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings
 
 SENSING = settings(SensingConfig)
 

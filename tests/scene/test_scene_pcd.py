@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from spgf_torch.config import InputError
+from spgf_torch.errors import InputError
 from spgf_torch.scene.files import read_cloud
 from spgf_torch.scene.pcd import lzf_decompress
 

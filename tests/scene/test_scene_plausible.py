@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.errors import InputError
 from spgf_torch.scene.cloud import Cloud
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.depth import pixel_points
 from spgf_torch.scene.plausible import check_depth_image, size_notes
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.noise import measure
+from spgf_torch.settings import settings
 
 SENSING = settings(SensingConfig)
 EYE = np.array([0.3, -0.4, 0.5])

@@ -11,9 +11,11 @@ import torch
 import trimesh
 
 import spgf_torch
-from spgf_torch.config import InputError, SensingConfig, settings
+from spgf_torch.errors import InputError
 from spgf_torch.scene.scene import Scene, check_spacing
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings
 
 SENSING = settings(SensingConfig)
 EYE = np.array([0.3, -0.3, 0.5])

@@ -5,11 +5,14 @@ import re
 import numpy as np
 import pytest
 
-from spgf_torch.config import InputError, SceneConfig, SensingConfig, settings
+from spgf_torch.errors import InputError
 from spgf_torch.scene.assembly import scene_of_clouds
 from spgf_torch.scene.cloud import Cloud
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.planes import given_plane, height
 from spgf_torch.scene.table import find_plane, find_table
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings
 
 SENSING = settings(SensingConfig)
 EYE = np.array([0.3, -0.4, 0.8])

@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from spgf_torch.config import InputError, SceneConfig, settings
+from spgf_torch.errors import InputError
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.files import read_cloud, read_clouds
+from spgf_torch.settings import settings
 
 LIMIT = 1000
 RNG = np.random.default_rng(3)

@@ -6,13 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from spgf_torch.config import InputError, SceneConfig, SensingConfig, root, settings
+from spgf_torch.errors import InputError
 from spgf_torch.objects.library import load_objects
+from spgf_torch.paths import root
 from spgf_torch.scene.cloud import Cloud, pixels_of, voxel_means
+from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.normals import facing, neighbourhoods, principal_normals
 from spgf_torch.scene.viewpoint import check_side, with_viewpoint
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.noise import measure
+from spgf_torch.settings import settings
 
 CONFIG, SENSING = settings(SceneConfig), settings(SensingConfig)
 OBJECTS = {obj.name: obj.mesh for obj in load_objects(root() / "data/objects")}

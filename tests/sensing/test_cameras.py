@@ -5,8 +5,9 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from spgf_torch.config import SensingConfig, settings
 from spgf_torch.sensing.cameras import Camera, cast, crop, look_at, surround
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings
 
 
 def frontal(target: np.ndarray, distance: float) -> Camera:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from spgf_torch.config import SensingConfig, settings
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.noise import (
     axial_noise,
     axial_sigma,
@@ -13,6 +13,7 @@ from spgf_torch.sensing.noise import (
     measure,
     quantise,
 )
+from spgf_torch.settings import settings
 
 OFF = {
     "axial_base": 0.0,

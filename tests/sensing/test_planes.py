@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from spgf_torch.config import InputError, SensingConfig, settings
+from spgf_torch.errors import InputError
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.planes import smallest_eigenvectors, surface_points
+from spgf_torch.settings import settings
 
 
 def rays(height: int, width: int, focal: float = 288.0) -> np.ndarray:

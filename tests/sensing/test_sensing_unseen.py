@@ -7,11 +7,12 @@ import pytest
 import torch
 import trimesh
 
-from spgf_torch.config import SensingConfig, settings
 from spgf_torch.geometry import se3
 from spgf_torch.sensing.cameras import Camera, surround
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import observe, observe_on_table, observe_views
 from spgf_torch.sensing.unseen import DepthView, behind, behind_at, mean_direction
+from spgf_torch.settings import settings
 
 K = np.array([[100.0, 0, 9.5], [0, 100.0, 7.5], [0, 0, 1]])
 SENSING = settings(SensingConfig, width=160, height=120, focal=144)

@@ -8,12 +8,14 @@ import torch
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from spgf_torch.config import InputError, SensingConfig, settings
+from spgf_torch.errors import InputError
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.sensing.cameras import Camera, cast, crop, surround
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.noise import measure
 from spgf_torch.sensing.sense import observe, sense
 from spgf_torch.sensing.texlets import Texlets, extract, independent_set, thin
+from spgf_torch.settings import settings
 
 
 def cup(wall: float, radius: float = 0.04, height: float = 0.1) -> trimesh.Trimesh:

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from spgf_torch.config import SamplerConfig, plain, settings
-from spgf_torch.trials.attempts import Attempt, physics
-from spgf_torch.trials.campaign import Campaign, Plan, finished
-from spgf_torch.trials.journal import Journal
-from spgf_torch.trials.runners import Runner
-from spgf_torch.trials.table import Origin
+from spgf_torch.settings import plain, settings
+from spgf_torch.simulation.attempts import Attempt, physics
+from spgf_torch.simulation.config import SamplerConfig
+from spgf_torch.simulation.executors import Runner
+from spgf_torch.simulation.generation import Campaign, Plan, finished
+from spgf_torch.simulation.run_state import Journal
+from spgf_torch.simulation.table import Origin
 
 
 @dataclass

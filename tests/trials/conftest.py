@@ -2,9 +2,11 @@
 
 import pytest
 
-from spgf_torch.config import EpisodeConfig, HandConfig, settings
-from spgf_torch.trials.hand import Hand, load_hand
-from spgf_torch.trials.runner import Trials
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import Hand, load_hand
+from spgf_torch.settings import settings
+from spgf_torch.simulation.config import EpisodeConfig
+from spgf_torch.simulation.execute import Trials
 
 
 @pytest.fixture(scope="session")

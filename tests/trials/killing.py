@@ -22,12 +22,13 @@ from campaigns import Calls, manifest, tables
 from toys import TRIALS, Toy, checksum, toss
 from trial_objects import can
 
-import spgf_torch.trials.journal as journal_module
-from spgf_torch.config import EpisodeConfig, settings
-from spgf_torch.trials.attempts import Trials
-from spgf_torch.trials.runner import sample
-from spgf_torch.trials.runners import Here, Local
-from spgf_torch.trials.table import read_table
+import spgf_torch.simulation.run_state as journal_module
+from spgf_torch.settings import settings
+from spgf_torch.simulation.attempts import Trials
+from spgf_torch.simulation.config import EpisodeConfig
+from spgf_torch.simulation.execute import sample
+from spgf_torch.simulation.executors import Here, Local
+from spgf_torch.simulation.table import read_table
 
 CANDIDATES = 40
 

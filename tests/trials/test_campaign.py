@@ -10,12 +10,12 @@ import pytest
 from campaigns import Calls, manifest, tables
 from toys import TRIALS, WORDS, Toy, checksum, toss
 
-from spgf_torch.config import InputError
-from spgf_torch.trials.attempts import Ended, try_chunk
-from spgf_torch.trials.journal import Journal
-from spgf_torch.trials.runner import sample
-from spgf_torch.trials.runners import Here, Local, Task
-from spgf_torch.trials.table import read_table
+from spgf_torch.errors import InputError
+from spgf_torch.simulation.attempts import Ended, try_chunk
+from spgf_torch.simulation.execute import sample
+from spgf_torch.simulation.executors import Here, Local, Task
+from spgf_torch.simulation.run_state import Journal
+from spgf_torch.simulation.table import read_table
 
 N = 12  # candidates of each type
 

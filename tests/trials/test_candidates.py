@@ -4,9 +4,10 @@ import numpy as np
 import torch
 from trial_objects import ball, box, cup
 
-from spgf_torch.config import SamplerConfig, settings
-from spgf_torch.trials.candidates import sample_candidates, sample_poses
-from spgf_torch.trials.table import pose_matrix
+from spgf_torch.settings import settings
+from spgf_torch.simulation.candidates import sample_candidates, sample_poses
+from spgf_torch.simulation.config import SamplerConfig
+from spgf_torch.simulation.table import pose_matrix
 
 EXACT = settings(SamplerConfig, jitter_deg=0, jitter=0)
 

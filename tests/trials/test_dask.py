@@ -13,8 +13,8 @@ import pytest
 from campaigns import Calls, tables
 from toys import TRIALS, Toy, toss
 
-from spgf_torch.config import InputError
-from spgf_torch.trials.runners import Dask, Here
+from spgf_torch.errors import InputError
+from spgf_torch.simulation.executors import Dask, Here
 
 pytest.importorskip("distributed")
 
@@ -74,6 +74,6 @@ def test_a_worker_killed_on_the_way(cluster: Cluster, tmp_path: Path) -> None:
 
 
 def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("spgf_torch.trials.runners.PATIENCE", 0.2)
+    monkeypatch.setattr("spgf_torch.simulation.executors.PATIENCE", 0.2)
     with pytest.raises(InputError, match=r"address: expected a Dask scheduler that answers, got tcp://127\.0\.0\.1:9"):
         Dask("tcp://127.0.0.1:9")

@@ -11,12 +11,15 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from trial_objects import ball, bin_, box, can, cup, from_above, from_side, jaw_settings, parallel_jaw
 
-from spgf_torch.config import GRASP_TYPES, EpisodeConfig, HandConfig, root, settings, typed
+from spgf_torch.hands.config import GRASP_TYPES, HandConfig
+from spgf_torch.hands.hand import load_hand
 from spgf_torch.objects.library import load_objects
-from spgf_torch.trials.episode import Simulator, Trial
-from spgf_torch.trials.hand import load_hand
-from spgf_torch.trials.precheck import PreCheck
-from spgf_torch.trials.table import OUTCOMES, read_table
+from spgf_torch.paths import root
+from spgf_torch.settings import settings, typed
+from spgf_torch.simulation.config import EpisodeConfig
+from spgf_torch.simulation.episode import Simulator, Trial
+from spgf_torch.simulation.precheck import PreCheck
+from spgf_torch.simulation.table import OUTCOMES, read_table
 
 
 def outcome(hand, obj, T, kind, **changes):

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 from trial_objects import jaw_settings, parallel_jaw
 
-from spgf_torch.config import EpisodeConfig, HandConfig, InputError, settings, typed
-from spgf_torch.trials.hand import load_hand
+from spgf_torch.errors import InputError
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import load_hand
+from spgf_torch.settings import settings, typed
+from spgf_torch.simulation.config import EpisodeConfig
 
 
 @pytest.mark.parametrize(("kind", "q1"), [("NPG", -0.0497), ("WPG", -0.346)])
@@ -53,7 +56,7 @@ def test_open_hand_leaves_the_space_between_the_pads_free(hand):
 @pytest.mark.parametrize("kind", ["NPG", "WPG"])
 def test_sapien_places_links_and_shapes_where_pytorch_kinematics_does(hand, kind):
     """Every moving link's pose, and every corner of every collision shape, within a hundredth of a millimetre."""
-    from spgf_torch.trials import episode
+    from spgf_torch.simulation import episode
 
     preshape = hand.preshapes[kind]
     episode._configure(settings(EpisodeConfig))

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from spgf_torch.trials.hand import Hand
+from spgf_torch.hands.hand import Hand
 
 HERE = Path(__file__).parent
 

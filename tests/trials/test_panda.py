@@ -14,22 +14,17 @@ from omegaconf import OmegaConf
 from trial_objects import ball, bin_, box, can, cup, from_above, from_side
 
 from spgf_torch import evaluate, simulate, train
-from spgf_torch.config import (
-    EpisodeConfig,
-    EvaluateConfig,
-    HandConfig,
-    InputError,
-    SimulateConfig,
-    TrainConfig,
-    root,
-    settings,
-    typed,
-)
-from spgf_torch.exporting.records import grippers_of
-from spgf_torch.trials import episode
-from spgf_torch.trials.episode import Simulator
-from spgf_torch.trials.hand import Hand, Kinematics, load_hand
-from spgf_torch.trials.precheck import PreCheck
+from spgf_torch.errors import InputError
+from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import Hand, Kinematics, load_hand
+from spgf_torch.hands.records import grippers_of
+from spgf_torch.paths import root
+from spgf_torch.settings import settings, typed
+from spgf_torch.simulation import episode
+from spgf_torch.simulation.config import EpisodeConfig, SimulateConfig
+from spgf_torch.simulation.episode import Simulator
+from spgf_torch.simulation.precheck import PreCheck
 
 
 def panda_settings() -> dict:

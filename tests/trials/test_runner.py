@@ -7,9 +7,12 @@ import pytest
 import torch
 from trial_objects import box, can, cup
 
-from spgf_torch.config import GRASP_TYPES, SamplerConfig, root, settings
-from spgf_torch.trials.runner import CHUNK, execute, origin, simulate
-from spgf_torch.trials.table import OUTCOMES, read_table, table_path, write_table
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.paths import root
+from spgf_torch.settings import settings
+from spgf_torch.simulation.config import SamplerConfig
+from spgf_torch.simulation.execute import CHUNK, execute, origin, simulate
+from spgf_torch.simulation.table import OUTCOMES, read_table, table_path, write_table
 
 COMMITTED = root() / "data" / "trials"
 

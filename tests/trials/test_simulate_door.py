@@ -13,12 +13,15 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from spgf_torch import simulate
-from spgf_torch.cli import door, slug
-from spgf_torch.config import IncompleteError, InputError, ReportConfig, SimulateConfig, plain, typed
-from spgf_torch.multirun import lines
-from spgf_torch.trials.campaign import Campaign
-from spgf_torch.trials.runners import Here
-from spgf_torch.trials.table import read_table
+from spgf_torch.cli.door import door, slug
+from spgf_torch.cli.multirun import lines
+from spgf_torch.errors import IncompleteError, InputError
+from spgf_torch.reporting.config import ReportConfig
+from spgf_torch.settings import plain, typed
+from spgf_torch.simulation.config import SimulateConfig
+from spgf_torch.simulation.executors import Here
+from spgf_torch.simulation.generation import Campaign
+from spgf_torch.simulation.table import read_table
 
 ROOT = Path(__file__).parents[2]
 
@@ -89,7 +92,7 @@ def test_the_fast_episode(place: Path) -> None:
 
 def test_an_object_without_candidates(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is told and in the manifest; the other one has its table."""
-    from spgf_torch.trials import campaign
+    from spgf_torch.simulation import generation as campaign
 
     def sample(obj: Any, origin: Any) -> Any:
         if obj.name == "egg":

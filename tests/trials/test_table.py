@@ -7,8 +7,8 @@ import pyarrow.parquet as pq
 import pytest
 import torch
 
-from spgf_torch.config import InputError
-from spgf_torch.trials.table import KEY, Origin, TrialTable, read_table, read_tables, table_path, write_table
+from spgf_torch.errors import InputError
+from spgf_torch.simulation.table import KEY, Origin, TrialTable, read_table, read_tables, table_path, write_table
 
 ORIGIN = Origin("mug", "d" * 64, "h" * 64, {"jitter": 0.005}, {"dt": 0.002, "friction": 0.6}, 3, 0)
 

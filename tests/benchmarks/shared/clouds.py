@@ -7,11 +7,13 @@ from functools import lru_cache
 import torch
 from torch import Tensor
 
-from spgf_torch.config import SensingConfig, root, settings
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
+from spgf_torch.paths import root
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.texlets import Texlets
+from spgf_torch.settings import settings
 
 APART = 0.6  # m between objects side by side: wider than each of them and the radius of a feature
 

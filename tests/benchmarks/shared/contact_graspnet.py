@@ -27,11 +27,12 @@ import torch
 import trimesh
 from torch import Tensor
 
-from spgf_torch.config import InputError, SensingConfig
+from spgf_torch.errors import InputError
 from spgf_torch.judging.clouds import Cloud
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.sensing import sense
 from spgf_torch.sensing.cameras import Camera, cast, surround
+from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.noise import measure
 from spgf_torch.sensing.unseen import DepthView, whole_image
 

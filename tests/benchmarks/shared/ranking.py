@@ -12,17 +12,21 @@ import torch
 from shared.contact_graspnet import ContactGraspNet, raw_cloud
 from shared.harness import Report, threads
 from spgf_torch.affordance.model import load_model
-from spgf_torch.config import GRASP_TYPES, HandConfig, ProposingConfig, SensingConfig, find, settings, typed
-from spgf_torch.experiment.tried import open_hand
+from spgf_torch.experiment.labelled_grasps import open_hand
+from spgf_torch.hands.config import GRASP_TYPES, HandConfig
 from spgf_torch.judging.clouds import Cloud
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.paths import find
 from spgf_torch.proposing.antipodal import antipodal
 from spgf_torch.proposing.clearance import Clearance
+from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import in_images
 from spgf_torch.proposing.judged import Ranked, ranked
 from spgf_torch.proposing.propose import Proposer
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import settings, typed
 
 JUDGE, NETWORK, FREE = "judge", "Contact-GraspNet", "Contact-GraspNet, free"
 SCORES = ("antipodal", "random")  # which rank by no probability

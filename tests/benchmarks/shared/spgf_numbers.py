@@ -11,12 +11,14 @@ from torch import Tensor
 from shared.at_pads import Bends, Met, Rates, curvature
 from shared.hidden import CELLS, Hidden, Piece, counted, occupancy, pieces_of, profile, without_frames
 from shared.tried_rows import Tried
-from spgf_torch.config import FeatureConfig, PrototypeConfig, settings
 from spgf_torch.experiment.learning import PrototypeFit
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.judging.rows import Bench
 from spgf_torch.proposing.hypotheses import Hypotheses
+from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import assign
+from spgf_torch.settings import settings
 from spgf_torch.threads import in_parts
 
 K = 20

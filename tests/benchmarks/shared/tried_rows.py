@@ -11,10 +11,13 @@ import torch
 from torch import Tensor
 
 from spgf_torch.cache import Cache
-from spgf_torch.config import GRASP_TYPES, JudgeConfig, typed
 from spgf_torch.evaluation.folds import stratified_folds
-from spgf_torch.experiment.tried import open_hand, tables_of
+from spgf_torch.experiment.labelled_grasps import open_hand, tables_of
+from spgf_torch.files.reading import yaml_values
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.hands.hand import load_hand
 from spgf_torch.judging.clouds import training_clouds
+from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.learning import judge_of, learn_judge
 from spgf_torch.judging.rounds import choose
 from spgf_torch.judging.rows import SAMPLED, SUCCESS, Bench, Chosen, Rows
@@ -23,12 +26,11 @@ from spgf_torch.objects.folders import read_objects
 from spgf_torch.progress import Stages, show
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
-from spgf_torch.reading import yaml_values
+from spgf_torch.settings import typed
+from spgf_torch.simulation.attempts import Trials
+from spgf_torch.simulation.execute import origin, sample
+from spgf_torch.simulation.table import TrialTable, pose_matrix
 from spgf_torch.threads import in_parts
-from spgf_torch.trials.attempts import Trials
-from spgf_torch.trials.hand import load_hand
-from spgf_torch.trials.runner import origin, sample
-from spgf_torch.trials.table import TrialTable, pose_matrix
 
 
 @dataclass(frozen=True)

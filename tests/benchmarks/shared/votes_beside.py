@@ -10,17 +10,19 @@ from torch import Tensor
 
 from shared.spgf_numbers import Described
 from shared.tried_rows import Tried, trials_of
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.pairs import cell_pairs
 from spgf_torch.affordance.voting import polled
-from spgf_torch.config import AffordanceConfig, FeatureConfig, plain, settings
 from spgf_torch.experiment.describe import Described as Sensed
 from spgf_torch.experiment.learning import learn_model
-from spgf_torch.experiment.space import Example
+from spgf_torch.experiment.training_set import Example
+from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.interface import VectorFeatures
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.proposing.judge_features import in_images
 from spgf_torch.proposing.propose import Proposer, Voters
 from spgf_torch.proposing.spreading import same_grasp
+from spgf_torch.settings import plain, settings
 
 
 def examples(made: Tried, clouds: Sequence[Described], share: float = 1.0) -> list[Example]:

@@ -1,0 +1,1 @@
+"""What all commands share: arguments, Hydra, run folders, sweeps, exit status (`door`)."""

@@ -1,0 +1,80 @@
+"""Whether what the settings name is there at all: asked before anything that takes seconds to import."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from spgf_torch.errors import InputError
+from spgf_torch.files.reading import existing
+from spgf_torch.paths import find
+
+MODEL, JUDGE = ("model.json", "model.safetensors"), ("judge.json", "judge.safetensors")
+# In the place of a folder: no model, no judge.
+NONE = "none"
+
+
+def check_files(config: Any, needed: str, *others: str) -> None:
+    """InputError for the first file of these settings, one or a list each, that is missing, empty or a folder.
+
+    One at least must be `needed`; others that the config has not, that are null or hold numbers are left to who reads
+    them.
+    """
+    if not list(_words(getattr(config, needed))):
+        raise InputError(f"{needed}: expected a file or a list of files ({needed}=FILE), got none")
+    for name in (needed, *others):
+        for path in _words(getattr(config, name, None)):
+            existing(find(path))
+
+
+def check_folder(name: str, path: str, what: str) -> None:
+    """InputError unless `path`, the setting `name`, is a folder with something in it."""
+    folder = find(path)
+    try:
+        got = "a file" if folder.is_file() else "nothing there" if not folder.is_dir() else ""
+        got = got or ("" if any(folder.iterdir()) else "an empty folder")
+    except (OSError, ValueError) as error:
+        got = str(getattr(error, "strerror", None) or error)
+    if got:
+        raise InputError(f"{name}: expected {what}, got {got} at {path}")
+
+
+def model_and_judge(model: str | Path, judge: str | Path | None) -> tuple[Path | None, Path | None]:
+    """The folders of the votes' model and of the judge that ranks; one of them may be None.
+
+    Args:
+        model: what `train` left, with a judge in it or without; a folder of a judge alone; `none`.
+        judge: a judge's folder; None: the one in the folder `model`, if there is one; `none`: the votes rank.
+
+    Raises InputError where there is neither, or a folder does not hold what it should, as far as names tell.
+    """
+    folder = None if str(model) == NONE else find(model)
+    carries = folder is not None and _any_of(JUDGE, folder)
+    votes = None if folder is None or (carries and not _any_of(MODEL, folder)) else folder
+    ranks = folder if carries else None
+    if judge is not None:
+        ranks = None if str(judge) == NONE else find(judge)
+    if ranks is None and votes is None:
+        raise InputError(f"judge: expected a judge's folder where model={model} has no votes that could rank, got none")
+    for name in JUDGE if ranks is not None else ():
+        if not (ranks / name).is_file():  # type: ignore[operator]
+            raise InputError(
+                f"judge: expected a folder that python -m spgf_torch.judge left, found no {name} in {ranks}"
+            )
+    for name in MODEL if votes is not None else ():
+        if not (votes / name).is_file():  # type: ignore[operator]
+            hint = "" if ranks is None else "; model=none takes the judge alone"
+            raise InputError(f"{votes}/{name}: expected a model that train left (make train), found no such file{hint}")
+    return votes, ranks
+
+
+def _any_of(names: tuple[str, ...], folder: Path) -> bool:
+    return any((folder / name).is_file() for name in names)
+
+
+def _words(value: Any) -> Iterator[str | Path]:
+    if isinstance(value, str | Path) and value:
+        yield value
+    elif isinstance(value, list | tuple):
+        yield from (each for each in value if isinstance(each, str | Path) and each)

@@ -1,0 +1,153 @@
+"""What every format shares: names, meshes, sensed clouds, the hand, the folds as lists of files."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from trimesh.exchange.obj import export_obj
+
+from spgf_torch.errors import InputError
+from spgf_torch.files.checks import entry, joint_values, name, rigid
+from spgf_torch.files.reading import json_values, text, xml_root
+from spgf_torch.formats.trial_sets import TrialSet, gripper_frame
+from spgf_torch.hands.hand import Hand
+from spgf_torch.hands.records import Gripper
+from spgf_torch.objects.grasp_object import GraspObject
+
+SCHEMA = 1
+DIGITS = 9  # decimals of numbers in text: a nanometre
+MESHES, CLOUDS, HAND = "meshes", "clouds", "hand"
+JOINTS = "joints.json"
+
+
+@dataclass(frozen=True)
+class GripperJoints:
+    """The sidecar of formats without room for joints: every grasp beside it was tried with this open hand.
+
+    Attributes:
+        gripper: its name. joints, closed: rad or m, of the open hand and with the pads meeting.
+        T_gripper_base, T_gripper_tcp: (4, 4) float64; base is the hand's base link with the axes of its own URDF.
+    """
+
+    gripper: str
+    joints: dict[str, float]
+    closed: dict[str, float]
+    T_gripper_base: np.ndarray
+    T_gripper_tcp: np.ndarray
+
+
+def object_id(obj: GraspObject) -> str:
+    """The name without `_`: ACRONYM's loaders split `<Category>_<id>_<scale>` at each."""
+    return obj.name.replace("_", "-")
+
+
+def mesh_file(obj: GraspObject) -> str:
+    """The object's mesh, relative to the data set: where ACRONYM and GraspGen look for it."""
+    return f"{MESHES}/{obj.category}/{object_id(obj)}.obj"
+
+
+def rounded(values: np.ndarray) -> list[Any]:
+    """Nested lists with `DIGITS` decimals and no negative zero."""
+    return (np.round(np.asarray(values, dtype=np.float64), DIGITS) + 0.0).tolist()
+
+
+def write_common(folder: Path, trials: TrialSet, advance: Callable[[int], None]) -> None:
+    """Meshes in m (scaled, not recentred: as the trials used them), clouds (N, 6) float32, the hand.
+
+    Raises InputError where two objects differ only in `_` and `-`.
+    """
+    taken: dict[str, str] = {}
+    for obj, texlets in zip(trials.objects, trials.texlets, strict=True):
+        if other := taken.get(object_id(obj)):
+            raise InputError(f"objects: expected names that differ in more than _ and -, got {other} and {obj.name}")
+        taken[object_id(obj)] = obj.name
+        path = folder / mesh_file(obj)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        content = export_obj(obj.mesh, include_normals=False, include_color=False, include_texture=False, digits=DIGITS)
+        path.write_text(content)
+        cloud = np.concatenate([texlets.positions.numpy(), texlets.normals.numpy()], axis=1)
+        (folder / CLOUDS).mkdir(exist_ok=True)
+        np.save(folder / CLOUDS / f"{obj.name}.npy", cloud.astype(np.float32))
+        advance(1)
+    for gripper in trials.grippers.values():
+        write_hand(folder / HAND, trials.hand, gripper)
+        write_joints(folder / HAND / f"{gripper.name}.json", gripper)
+
+
+def write_hand(folder: Path, hand: Hand, gripper: Gripper) -> None:
+    """The hand's URDF with one more link, called as the gripper: its root, in the exported gripper frame.
+
+    So the grasps are poses of a link that any program can load. Mesh files beside the URDF are copied.
+    """
+    folder.mkdir(exist_ok=True)
+    robot = xml_root(hand.urdf.read_bytes(), hand.urdf, "a URDF of a hand")
+    T = np.linalg.inv(gripper.T_base_tcp @ gripper_frame(gripper))
+    turn = Rotation.from_matrix(T[:3, :3]).as_euler("xyz")
+    link = ElementTree.Element("link", name=gripper.name)
+    joint = ElementTree.Element("joint", name=f"{gripper.name}_base_joint", type="fixed")
+    ElementTree.SubElement(joint, "origin", xyz=_words(T[:3, 3]), rpy=_words(turn))
+    ElementTree.SubElement(joint, "parent", link=gripper.name)
+    ElementTree.SubElement(joint, "child", link=gripper.base_link)
+    robot[:0] = [link, joint]
+    ElementTree.indent(robot)
+    (folder / f"{gripper.name}.urdf").write_bytes(ElementTree.tostring(robot) + b"\n")
+    for mesh in robot.iter("mesh"):
+        file = Path(mesh.get("filename", ""))
+        if (hand.urdf.parent / file).is_file() and not file.is_absolute() and ".." not in file.parts:
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(hand.urdf.parent / file, folder / file)
+
+
+def write_joints(path: Path, gripper: Gripper) -> None:
+    """The sidecar `GripperJoints`, and what else is known of the gripper."""
+    T_tcp_gripper = gripper_frame(gripper)
+    T_gripper_tcp = np.linalg.inv(T_tcp_gripper)
+    known = {
+        "schema": SCHEMA,
+        "gripper": gripper.name,
+        "joints": gripper.joints,
+        "closed": gripper.closed,
+        "active": list(gripper.active),
+        "width": gripper.width,
+        "base_link": gripper.base_link,
+        "T_gripper_base": rounded(T_gripper_tcp @ np.linalg.inv(gripper.T_base_tcp)),
+        "T_gripper_tcp": rounded(T_gripper_tcp),
+        "urdf": f"{HAND}/{gripper.name}.urdf",
+    }
+    path.write_text(json.dumps(known, indent=1) + "\n")
+
+
+def read_joints(path: Path) -> GripperJoints:
+    """The sidecar. Raises InputError in one line for a file that is missing, cut off or another."""
+    known = json_values(path, "the joints of a gripper")
+    if (got := entry(known, "schema", str(path))) != SCHEMA:
+        raise InputError(f"{path}: expected schema {SCHEMA}, got {got!r:.40}")
+    joints, closed = (joint_values(entry(known, key, str(path)), f"{path}: {key}") for key in ("joints", "closed"))
+    poses = (rigid(entry(known, key, str(path)), f"{path}: {key}") for key in ("T_gripper_base", "T_gripper_tcp"))
+    return GripperJoints(name(entry(known, "gripper", str(path)), f"{path}: gripper"), joints, closed, *poses)
+
+
+def write_splits(folder: Path, trials: TrialSet, line: Callable[[GraspObject], str]) -> None:
+    """`fold{F}/train.txt` and `valid.txt`, a line an object: the objects of fold F are valid, the others train."""
+    for fold in np.unique(trials.fold).tolist():
+        (folder / f"fold{fold}").mkdir(parents=True)
+        for word, chosen in (("train", trials.fold != fold), ("valid", trials.fold == fold)):
+            lines = [line(obj) for obj, belongs in zip(trials.objects, chosen, strict=True) if belongs]
+            (folder / f"fold{fold}" / f"{word}.txt").write_text("".join(f"{entry}\n" for entry in lines))
+
+
+def read_split(path: Path) -> list[str]:
+    """The lines of a split."""
+    return [line for line in text(path, "a list of objects").splitlines() if line]
+
+
+def _words(values: np.ndarray) -> str:
+    return " ".join(f"{value:.12g}" for value in values + 0.0)

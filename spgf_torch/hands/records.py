@@ -1,0 +1,152 @@
+"""A grasp with everything that a robot needs to run it, and the hand as formats with one gripper see it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+
+from spgf_torch.errors import InputError
+from spgf_torch.files.checks import number, rigid, whole
+from spgf_torch.files.reading import xml_root
+from spgf_torch.hands.hand import Hand, Kinematics
+
+if TYPE_CHECKING:
+    from spgf_torch.proposing.weighing import Numbers
+
+
+@dataclass(frozen=True)
+class Gripper:
+    """One hand in the preshape of one grasp type.
+
+    Attributes:
+        name: hand and type, such as `sdh2_WPG`. type: the grasp type. base_link: the URDF's link of frame base.
+        T_base_tcp: (4, 4) float64, of the open hand.
+        joints: rad or m, every joint of the open hand.
+        closed: the same with the pads meeting, or as near as the limits let them. It is what to close towards with
+            bounded force, not where the fingers end: that depends on the thickness of what lies between them.
+        active: joints that are driven by themselves (no mimic joints).
+        width: m between the pads. depth: m that the fingers reach beyond the TCP along the approach.
+        height: m, extent of the fingertips across closing and approach.
+        shapes: the open hand's collision shapes, closed meshes in the tcp frame, m.
+    """
+
+    name: str
+    type: str
+    base_link: str
+    T_base_tcp: np.ndarray
+    joints: dict[str, float]
+    closed: dict[str, float]
+    active: tuple[str, ...]
+    width: float
+    depth: float
+    height: float
+    shapes: tuple[trimesh.Trimesh, ...] = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """One proposed grasp.
+
+    Attributes:
+        type: one of `config.GRASP_TYPES`. probability: of success, 0 to 1. support: votes for it.
+        T_input_tcp: (4, 4) float64, the TCP's pose with the hand still open.
+        T_input_base: (4, 4) float64, the same hand's base link, axes of its URDF.
+        joints: rad or m, every joint of the open hand. closed: `Gripper.closed`.
+        T_input_pregrasp: (4, 4) float64, where the TCP waits before it approaches: straight back along -z of tcp. The
+            base waits at T_input_base moved by the same vector.
+        voted_by: (prototype, votes), most votes first.
+        target: the number of what it grasps, where a scene has several (`segments`); else 1.
+        score: what ranks grasps of a model: the votes' mean evidence, drawn to 0 where there are few; no probability.
+        judged: of a judge P(free) and P(holds | free), whose product is the probability; None where the votes ranked.
+        numbers: what the judge knew of it; None where the votes ranked, or of a grasp that was read.
+    """
+
+    type: str
+    probability: float
+    support: int
+    T_input_tcp: np.ndarray
+    T_input_base: np.ndarray
+    joints: dict[str, float]
+    closed: dict[str, float]
+    T_input_pregrasp: np.ndarray
+    voted_by: list[tuple[int, int]]
+    target: int = 1
+    score: float = 0.0
+    judged: tuple[float, float] | None = None
+    numbers: Numbers | None = field(default=None, repr=False, compare=False)
+
+
+def grippers_of(hand: Hand) -> dict[str, Gripper]:
+    """Grasp type -> gripper. Takes some 0.1 s: once for a hand, not once for a grasp.
+
+    The pads meet where the two fingers, closing together with parallel pads, are 0 m apart (`Kinematics.opening`).
+    """
+    urdf = hand.urdf.read_bytes()
+    kinematics = Kinematics(hand.urdf, urdf, hand.config)
+    narrowest = min(kinematics.opening(limit) for limit in kinematics.limits)
+    closed = kinematics.preshape(max(narrowest, 0.0)).joints
+    joints = xml_root(urdf, hand.urdf, "a URDF of a hand").iter("joint")
+    mimics = {joint.get("name") for joint in joints if joint.find("mimic") is not None}
+    grippers = {}
+    for kind, preshape in hand.preshapes.items():
+        front = max(float(shape.bounds[1, 2]) for shape in preshape.shapes)
+        tips = [shape.bounds[:, 1] for shape in preshape.shapes if shape.bounds[1, 2] > front - 1e-6]
+        grippers[kind] = Gripper(
+            name=f"{hand.config.name}_{kind}",
+            type=kind,
+            base_link=hand.config.base_link,
+            T_base_tcp=preshape.T_base_tcp,
+            joints=dict(preshape.joints),
+            closed=dict(closed),
+            active=tuple(name for name in preshape.joints if name not in mimics),
+            width=hand.config.openings[kind],
+            depth=max(front, 0.0),
+            height=float(np.max(tips) - np.min(tips)),
+            shapes=preshape.shapes,
+        )
+    return grippers
+
+
+def make_grasp(
+    gripper: Gripper,
+    T_input_tcp: np.ndarray,
+    probability: float,
+    support: int,
+    voted_by: Sequence[tuple[int, int]],
+    retreat: float,
+) -> Grasp:
+    """The grasp of a gripper at a pose.
+
+    Args:
+        T_input_tcp: (4, 4), float32 or float64. probability: 0 to 1. support: votes. voted_by: (prototype, votes).
+        retreat: m between the pregrasp pose and the grasp.
+
+    Raises:
+        InputError: a pose that is not rigid, a probability outside 0 to 1, a negative count.
+    """
+    T = rigid(np.asarray(T_input_tcp, dtype=np.float64).tolist(), "T_input_tcp")
+    back = np.eye(4)
+    back[2, 3] = -number(retreat, "retreat", 0.0)
+    votes = [(whole(prototype, "prototype"), whole(count, "votes")) for prototype, count in voted_by]
+    return Grasp(
+        type=gripper.type,
+        probability=number(probability, "probability", 0.0, 1.0),
+        support=whole(support, "support"),
+        T_input_tcp=T,
+        T_input_base=T @ np.linalg.inv(gripper.T_base_tcp),
+        joints=dict(gripper.joints),
+        closed=dict(gripper.closed),
+        T_input_pregrasp=T @ back,
+        voted_by=sorted(votes, key=lambda pair: (-pair[1], pair[0])),
+    )
+
+
+def gripper_for(grasp: Grasp, grippers: Mapping[str, Gripper]) -> Gripper:
+    """The gripper of a grasp's type. Raises InputError where there is none."""
+    if grasp.type not in grippers:
+        raise InputError(f"grasp type: expected one of {', '.join(grippers)}; got {grasp.type}")
+    return grippers[grasp.type]

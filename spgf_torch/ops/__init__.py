@@ -1,0 +1,23 @@
+"""Torch operators: each heavy step of the method as one operation of torch, on any device.
+
+One module an operator (`library.Operator`): its schema, an implementation by torch's own operations that runs wherever
+the tensors are, loops compiled for the CPU, and what `torch.compile` must know of its outputs. Callers ask for the
+operator and never for a device. Both implementations compute in the same precision and in the same order, so that a
+pose falls into the same cell in either. With `SPGF_OPS=torch` in the environment nothing compiled runs.
+
+    describe            texlets -> pose and rings of the feature at each
+    neighbours          points -> pairs of neighbours
+    kmeans, lloyd       points and centres -> the nearest centre; steps that move centres
+    kmeans_start        the search for the first centres: k-means++, weighted steps
+    partition           points -> parts that are alike
+    cell_pairs          features and grasps -> pairs within reach and their cells
+    analyse             shape-grasp particles -> weighted counts of success around cells
+    look_up             cells -> points of a condensed shape-grasp space
+    accumulate_votes    features and grasps -> how many votes each grasp gets, and their worth
+    points_in_volume    points and hands -> whether a hand holds a point
+    farthest_first      points -> a few that are spread over all
+
+`relations`, `grid` and `alignment` are parts of `describe`, `relative_cells` of what looks at pairs, `smoothing` of
+`analyse`. Tensors are in the units and frames of `spgf_torch.geometry`. No operator has a derivative: to ask for one is
+an error.
+"""

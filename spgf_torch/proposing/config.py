@@ -1,0 +1,70 @@
+"""Settings of what proposes grasps: votes, hypotheses from geometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from spgf_torch.settings import bounded, defaults_from
+
+
+@dataclass
+@defaults_from("proposing/particles.yaml")
+class ProposingConfig:
+    """New grasps from feature pose x learned particle, without a mesh."""
+
+    points: int = bounded(1, 100_000)
+    pool: int = bounded(1, 100_000)
+    point_support: float = bounded(0.0, 1e6)
+    point_distance: float = bounded(0.0, 1.0)
+    point_deg: float = bounded(0.0, 180.0)
+    normal_weight: float = bounded(0.0, 1.0)
+    proposing_features: int = bounded(1, 1_000_000)
+    coarse_voters: int = bounded(1, 1_000_000)
+    hypotheses: int = bounded(1, 100_000)
+    coarse_points: int = bounded(1, 1_000_000)
+    merge_distance: float = bounded(0.0, 1.0)
+    merge_deg: float = bounded(0.0, 180.0)
+    survivors: int = bounded(1, 100_000)
+    refined: int = bounded(1, 100_000)
+    rounds: int = bounded(0, 100)
+    moves: int = bounded(1, 1000)
+    move: float = bounded(0.0, 0.1)
+    move_deg: float = bounded(0.0, 45.0)
+    vote_shrinkage: float = bounded(0.0, 1e6)
+    apart: float = bounded(0.0, 1.0)
+    apart_deg: float = bounded(0.0, 180.0)
+    count: int = bounded(1, 100_000)
+    obstacle_clearance: float = bounded(0.0, 1.0)
+    coarse_cell: float = bounded(0.001, 0.1)
+    plane_clearance: float = bounded(0.0, 1.0)
+    between: float = bounded(0.001, 0.2)
+
+
+@dataclass
+@defaults_from("hypotheses/antipodal.yaml")
+class HypothesesConfig:
+    """Antipodal hypotheses from sensed geometry, and the numbers that a judge weighs them by."""
+
+    seeds: int = bounded(1, 100_000)
+    normal_weight: float = bounded(0.0, 1.0)
+    normal_radius: float = bounded(0.001, 0.2)
+    tilt_deg: float = bounded(0.0, 90.0)
+    deepest: float = bounded(-0.2, 0.2)
+    shallowest: float = bounded(-0.2, 0.2)
+    depth_step: float = bounded(0.0005, 0.1)
+    back: int = bounded(0, 100)
+    face_gap: float = bounded(0.0, 0.1)
+    play: float = bounded(0.0, 0.1)
+    closing_points: int = bounded(1, 10_000)
+    hypotheses: int = bounded(1, 1_000_000)
+    coarse_points: int = bounded(1, 1_000_000)
+    friction: float = bounded(0.01, 5.0)
+    pad_depth: float = bounded(0.0005, 0.1)
+    margin: float = bounded(0.001, 1.0)
+    near_fingers: float = bounded(0.0, 1.0)
+    far_palm: float = bounded(0.0, 1.0)
+    grid: float = bounded(0.001, 0.1)
+    coarse_grid: float = bounded(0.001, 0.1)
+    unseen: float = bounded(0.0, 0.1)
+    unseen_mid: float = bounded(0.0, 1.0)
+    unseen_far: float = bounded(0.0, 1.0)

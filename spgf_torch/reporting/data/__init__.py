@@ -1,0 +1,1 @@
+"""What runs left, read back, and what belongs together."""

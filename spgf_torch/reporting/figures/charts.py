@@ -1,0 +1,155 @@
+"""Flat charts: success-rate over K (Fig. 9), reliability, precision at N. Numbers in, matplotlib figures out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator
+
+from spgf_torch.drawing.style import CEILING, CHANCE, LETTERS, PAPER, TYPE_COLOURS
+from spgf_torch.evaluation import paper
+from spgf_torch.evaluation.reliability import Reliability
+from spgf_torch.evaluation.success import TYPES
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.reporting.data.runs import Run
+from spgf_torch.reporting.pages.table1 import NAMES
+
+FEW = 20  # grasps; a bin with fewer says little and is drawn hollow
+
+Curves = Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]  # class -> mean, low, high: each (types, N)
+
+
+@dataclass(frozen=True)
+class Precision:
+    """Precision at N of one run: `shown` ranking with its bounds, the paper's ranking and the ceiling beside it."""
+
+    shown: Curves
+    paper: Mapping[str, np.ndarray] | None
+    ceiling: Mapping[str, np.ndarray]
+
+
+def success_over_k(runs: Sequence[Run], ranking: str) -> Figure:
+    """Fig. 9: a panel a type and class; ours with 95 % band, the paper's lighter, chance dashed, ceiling dotted."""
+    runs = [run for run in runs if ranking in run.by_ranking]
+    K = [run.K for run in runs]
+    names = [name for name in NAMES if name in runs[-1].by_ranking[ranking]]
+    printed = [k for k in paper.SUCCESS_RATE if min(K) <= k <= max(K)] if len(K) > 1 else sorted(paper.SUCCESS_RATE)
+
+    def draw(axis: Axes, name: str, kind: str) -> None:
+        colour = TYPE_COLOURS[kind]
+        rates = np.array([run.by_ranking[ranking][name][kind] for run in runs])
+        bounds = np.array([run.interval95[ranking][name][kind] for run in runs])
+        theirs = [paper.SUCCESS_RATE[k][name][kind] for k in printed]
+        axis.plot(printed, theirs, color=PAPER, marker="o", markersize=3.5, markerfacecolor="white", linewidth=1.2)
+        if len(K) > 1:
+            axis.fill_between(K, *(100 * bounds.T), color=colour, alpha=0.18, linewidth=0)
+        else:
+            axis.errorbar(K, 100 * rates, 100 * np.abs(bounds.T - rates), color=colour, capsize=2.5, linewidth=1.2)
+        axis.plot(K, 100 * rates, color=colour, marker="o", markersize=4, linewidth=1.8)
+        if kind != "CG":
+            axis.axhline(100 * runs[-1].random[name][kind], color=CHANCE, linestyle=(0, (4, 3)), linewidth=1)
+        axis.axhline(100 * runs[-1].ceiling[name][kind], color=CEILING, linestyle=":", linewidth=1.2)
+        axis.set_xticks(sorted({*K, *printed}))
+
+    legend = [
+        *_ours("this package, 95 % band"),
+        Line2D([], [], color=PAPER, marker="o", markersize=4, markerfacecolor="white", label="the paper"),
+        Line2D([], [], color=CHANCE, linestyle=(0, (4, 3)), label="random candidate"),
+        Line2D([], [], color=CEILING, linestyle=":", label="ceiling"),
+    ]
+    return _grid(draw, "number of prototypes K", legend, names)
+
+
+def precision_at_n(curves: Precision, n: int, random: Mapping[str, Mapping[str, float]]) -> Figure:
+    """Share of successes among the N highest-ranked grasps over N; a thin line marks the N of the table."""
+    most = next(iter(curves.shown.values()))[0].shape[-1]
+    N = np.arange(1, most + 1)
+
+    def draw(axis: Axes, name: str, kind: str) -> None:
+        j, colour = TYPES.index(kind), TYPE_COLOURS[kind]
+        mean, low, high = (100 * values[j] for values in curves.shown[name])
+        axis.axvline(n, color="#d0d0d0", linewidth=0.8)
+        axis.plot(N, 100 * curves.ceiling[name][j], color=CEILING, linestyle=":", linewidth=1.2)
+        if curves.paper:
+            axis.plot(N, 100 * curves.paper[name][j], color=PAPER, linewidth=1.2)
+        axis.fill_between(N, low, high, color=colour, alpha=0.18, linewidth=0)
+        axis.plot(N, mean, color=colour, linewidth=1.8)
+        if kind != "CG":
+            axis.axhline(100 * random[name][kind], color=CHANCE, linestyle=(0, (4, 3)), linewidth=1)
+        axis.set_xlim(1, most)
+        axis.set_xticks([n, most // 2, most] if most > 2 * n else [1, most])
+
+    legend = [
+        *_ours("shown ranking, 95 % band"),
+        *([Line2D([], [], color=PAPER, label="the paper's way of ranking")] if curves.paper else []),
+        Line2D([], [], color=CHANCE, linestyle=(0, (4, 3)), label="random candidate"),
+        Line2D([], [], color=CEILING, linestyle=":", label="ceiling"),
+    ]
+    return _grid(draw, "number of highest-ranked grasps N", legend, tuple(curves.shown))
+
+
+def reliability_diagram(before: Mapping[str, Reliability], after: Mapping[str, Reliability]) -> Figure:
+    """A column a grasp type: observed over predicted success, before and after calibration, and counts below."""
+    with mpl.rc_context(LETTERS):
+        figure = Figure(figsize=(7.6, 5.2))
+        figure.subplots_adjust(0.085, 0.09, 0.985, 0.945, wspace=0.1, hspace=0.1)
+        axes = figure.subplots(2, len(GRASP_TYPES), sharex=True, sharey="row", height_ratios=(3, 1), squeeze=False)
+        for j, kind in enumerate(GRASP_TYPES):
+            upper, lower = axes[0, j], axes[1, j]
+            upper.plot([0, 1], [0, 1], color=CHANCE, linestyle=(0, (4, 3)), linewidth=1)
+            for shift, (curve, colour, label) in enumerate(
+                ((before[kind], PAPER, "before calibration"), (after[kind], TYPE_COLOURS[kind], "after calibration"))
+            ):
+                _reliability(upper, curve, colour, label)
+                bins = len(curve.count)
+                at = (np.arange(bins) + 0.3 + 0.4 * shift) / bins
+                lower.bar(at, curve.count, width=0.36 / bins, color=colour)
+            upper.set(title=f"{kind}: probability and outcome", xlim=(0, 1), ylim=(0, 1))
+            upper.legend(loc="lower right")
+            lower.set(xlabel="predicted probability of success", yscale="log", ylim=(1, None))
+            lower.yaxis.set_major_locator(LogLocator(base=10, numticks=7))
+            lower.yaxis.set_minor_locator(NullLocator())
+        axes[0, 0].set_ylabel("share that succeeded")
+        axes[1, 0].set_ylabel("grasps")
+    return figure
+
+
+def _reliability(axis: Axes, curve: Reliability, colour: str, label: str) -> None:
+    many, some = curve.count >= FEW, curve.count > 0
+    axis.plot(curve.predicted[some], curve.observed[some], color=colour, linewidth=1.5, zorder=2)
+    axis.plot(curve.predicted[many], curve.observed[many], "o", color=colour, markersize=5, label=label, zorder=3)
+    few = some & ~many
+    axis.plot(
+        curve.predicted[few], curve.observed[few], "o", color=colour, markersize=5, markerfacecolor="white", zorder=3
+    )
+
+
+def _ours(words: str) -> list[Line2D]:
+    return [Line2D([], [], color="#202020", linewidth=2, label=f"{words} (colour of the row)")]
+
+
+def _grid(
+    draw: Callable[[Axes, str, str], None], xlabel: str, legend: Sequence[Line2D], names: Sequence[str]
+) -> Figure:
+    """A row a type, a column a class, percent upwards; `draw(axis, class, type)` fills a panel."""
+    with mpl.rc_context(LETTERS):
+        width, height = 0.95 + 2.05 * len(names), 5.9
+        figure = Figure(figsize=(width, height))
+        figure.subplots_adjust(0.8 / width, 0.55 / height, 1 - 0.15 / width, 1 - 0.6 / height, wspace=0.08, hspace=0.1)
+        axes = figure.subplots(len(TYPES), len(names), sharex=True, sharey=True, squeeze=False)
+        for i, kind in enumerate(TYPES):
+            for j, name in enumerate(names):
+                draw(axes[i, j], name, kind)
+                if i == 0:
+                    axes[i, j].set_title(name, fontweight="bold")
+            axes[i, 0].set_ylabel(f"{kind}\nsuccess-rate (%)", color=TYPE_COLOURS[kind])
+            axes[i, 0].set_ylim(-3, 103)
+        figure.supxlabel(xlabel, fontsize=9, y=0.015)
+        figure.legend(handles=list(legend), loc="upper center", ncols=len(legend))
+    return figure

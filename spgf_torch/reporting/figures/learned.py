@@ -1,0 +1,138 @@
+"""What a model learned as shapes in space: rings of prototypes, and hands at the grasps tied to them. Pure geometry.
+
+All in the feature's frame: origin at the centre, z its normal, x the aligned direction (ring cell 0); metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from spgf_torch.affordance.model import GraspModel
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.prototypes.naming import gaps
+
+LAYERS = ("top", "bottom")
+INNER = 0.5  # of the radius: where the drawn band of a ring begins
+SUNK = 0.15  # of the radius: how much lower the bottom layer is drawn, so that the layers do not cover each other
+
+# The stick figure of a hand, m: a third of the SDH-2's size, so that many fit around one prototype.
+FINGER, HANDLE = 0.03, 0.02
+WIDTH_SCALE = 0.5
+
+POOL = 1500  # best supported points that stick figures are chosen from
+ANGLE_LENGTH = 0.04  # m; how far apart two grasps count that differ by 1 rad
+
+
+@dataclass(frozen=True)
+class Ring:
+    """One layer of a prototype as a band of quadrilaterals.
+
+    Attributes:
+        quads: (C, 4, 3) m, the cells that are no gap.
+        alpha2_deg: (C,) angle to the centre's normal.
+        gap_lines: (G, 2, 3) m, where the cells that are gaps would lie in the plane.
+    """
+
+    quads: np.ndarray
+    alpha2_deg: np.ndarray
+    gap_lines: np.ndarray
+
+
+@dataclass(frozen=True)
+class Grasps:
+    """Condensed points of one prototype and type.
+
+    Attributes:
+        sticks: (G, 4, 2, 3) m, the line segments of each hand (`fork`).
+        probability, support: (G,).
+        points: how many condensed points there are in all.
+    """
+
+    sticks: np.ndarray
+    probability: np.ndarray
+    support: np.ndarray
+    points: int
+
+
+def ring_positions(alpha1: np.ndarray, azimuth: np.ndarray, radius: float) -> np.ndarray:
+    """(..., 3) where a neighbour at distance `radius` lies: alpha1 is how far it falls below the plane (Eq. 2), rad."""
+    flat = np.cos(alpha1)
+    return radius * np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), -np.sin(alpha1)], axis=-1)
+
+
+def rings(prototype_deg: np.ndarray, radius: float) -> tuple[Ring, Ring]:
+    """Top and bottom layer of one prototype (2, cells, 2) in degrees; cell k is centred on azimuth k * 360 / cells."""
+    top, bottom = (_ring(layer, radius, sunk) for layer, sunk in zip(prototype_deg, (0.0, SUNK * radius), strict=True))
+    return top, bottom
+
+
+def fork(opening: float) -> np.ndarray:
+    """(4, 2, 3) m segments of a hand in the TCP frame: approach axis, palm, two fingers that end at the pads."""
+    half = WIDTH_SCALE * opening / 2
+    palm = [[-half, 0, -FINGER], [half, 0, -FINGER]]
+    fingers = [[[x, 0, -FINGER], [x, 0, 0]] for x in (-half, half)]
+    return np.array([[[0, 0, -FINGER - HANDLE], [0, 0, -FINGER]], palm, *fingers])
+
+
+def full_fork(opening: float) -> np.ndarray:
+    """The stick figure in the hand's own width and depth, for pictures of one object."""
+    return fork(opening / WIDTH_SCALE) * np.array([1.0, 1.0, 1.7])
+
+
+def learned_grasps(model: GraspModel, prototype: int, kind: str, opening: float, count: int) -> Grasps:
+    """Up to `count` well supported points of a prototype and type, spread out in SE(3), as stick figures.
+
+    Half of them are spread over the best-supported points of the highest probability, the other half over all of the
+    best-supported points, so that what works and what does not are both seen.
+    """
+    s = prototype * len(GRASP_TYPES) + GRASP_TYPES.index(kind)
+    start, stop = (int(model.condensed.slice_start[i]) for i in (s, s + 1))
+    supported = model.condensed.support[start:stop]
+    pool = supported.topk(min(POOL, len(supported))).indices
+    position, quaternion = (t.numpy() for t in model.lattice.centres(model.condensed.cell[start:stop][pool].cpu()))
+    probability, support = (t[pool].numpy() for t in (model.condensed.probability[start:stop], supported))
+    best = np.argsort(-probability, kind="stable")[: max(len(pool) // 8, count // 2)]
+    chosen = spread(position[best], quaternion[best], count // 2)
+    rest = np.setdiff1d(np.arange(len(pool)), best[chosen])
+    which = np.r_[best[chosen], rest[spread(position[rest], quaternion[rest], count - len(chosen))]].astype(int)
+    T = Rotation.from_quat(quaternion[which], scalar_first=True).as_matrix()
+    sticks = np.einsum("gij,skj->gski", T, fork(opening)) + position[which][:, None, None]
+    return Grasps(sticks, probability[which], support[which], stop - start)
+
+
+def spread(position: np.ndarray, quaternion: np.ndarray, count: int) -> np.ndarray:
+    """Indices (<= count,) of poses far from each other: the first, then always the one farthest from all so far."""
+    if not len(position) or count < 1:
+        return np.zeros(0, dtype=int)
+    chosen, distance = [0], np.full(len(position), np.inf)
+    while len(chosen) < min(count, len(position)):
+        last = chosen[-1]
+        angle = 2 * np.arccos(np.clip(np.abs(quaternion @ quaternion[last]), 0, 1))
+        apart = np.linalg.norm(position - position[last], axis=1) + ANGLE_LENGTH * angle
+        distance = np.minimum(distance, apart)
+        chosen.append(int(distance.argmax()))
+    return np.array(chosen)
+
+
+def _ring(layer_deg: np.ndarray, radius: float, sunk: float) -> Ring:
+    cells = len(layer_deg)
+    azimuth = np.arange(cells) * 2 * np.pi / cells
+    half = np.pi / cells
+    gap = gaps(layer_deg)
+    before, after = _borders(np.radians(layer_deg[:, 0]), gap)
+    corners = [
+        share * ring_positions(alpha1, azimuth + side, radius)
+        for share, alpha1, side in ((INNER, before, -half), (1, before, -half), (1, after, half), (INNER, after, half))
+    ]
+    down = np.array([0, 0, sunk])
+    ends = ring_positions(np.zeros((2, gap.sum())), azimuth[gap] + half * np.array([[-0.6], [0.6]]), radius)
+    return Ring((np.stack(corners, axis=1) - down)[~gap], layer_deg[~gap, 1], np.swapaxes(ends, 0, 1) - down)
+
+
+def _borders(alpha1: np.ndarray, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """alpha1 at both borders of each cell (C,): the mean with the neighbour, or its own where that is a gap."""
+    before, after = (np.where(np.roll(gap, k), alpha1, (alpha1 + np.roll(alpha1, k)) / 2) for k in (1, -1))
+    return before, after

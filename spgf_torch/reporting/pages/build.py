@@ -1,0 +1,140 @@
+"""The whole report: read the runs, make its parts, write its files."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from spgf_torch.affordance.model import load_model
+from spgf_torch.drawing.page import Section, page
+from spgf_torch.errors import InputError
+from spgf_torch.files.writing import write_bytes
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.objects.library import load_objects
+from spgf_torch.paths import find
+from spgf_torch.progress import Stages
+from spgf_torch.reporting.config import ReportConfig
+from spgf_torch.reporting.data.predictions import Candidates, read_predictions
+from spgf_torch.reporting.data.runs import Notes, Run
+from spgf_torch.reporting.data.sweep import find_sweep
+from spgf_torch.reporting.pages.context import Context, Part, choose, tell_replaced
+from spgf_torch.reporting.pages.grasp_parts import precision_part, reliability_part, worst_part
+from spgf_torch.reporting.pages.model_parts import Prototypes, describe, grasps_part, objects_part, prototypes_part
+from spgf_torch.reporting.pages.rate_parts import ablation_part, choice_part, headline, over_k, table_part
+from spgf_torch.reporting.pages.table1 import Group, table1
+
+T = TypeVar("T")
+
+TITLE = "Learning successful grasps from local shape: what the runs show"
+
+
+def build(config: ReportConfig, runs: Sequence[Run], folder: Path, stages: Stages, notes: Notes) -> list[Group]:
+    """Write the report on `runs` (oldest first) into `folder`; returns Table 1.
+
+    What cannot be used is noted in a line each and leaves its figures out. Raises InputError where `show` is no K of
+    the runs, or no run has rates.
+    """
+    context = choose(config, sweep := find_sweep(runs), notes)
+    tell_replaced(runs, sweep, notes)
+    groups = table1(context.sweep.runs, context.rankings, context.shown)
+    parts = [*_rates(context, groups, stages), *_grasps_and_model(context, stages)]
+    if ablated := ablation_part(context):
+        parts.append(ablated)
+    for part in parts:
+        for name, content in part.files.items():
+            write_bytes(folder / name, content)
+    sections = [*(part.section for part in parts), _left_out(notes.lines)]
+    lead = (
+        f"<p>Table 1 and Figures 9 to 13 of Thomsen, Kraft, Kr&uuml;ger (2016), made again from {len(runs)} runs.</p>"
+    )
+    write_bytes(folder / "index.html", page(TITLE, lead, sections).encode())
+    return groups
+
+
+def _rates(context: Context, groups: list[Group], stages: Stages) -> list[Part]:
+    with stages.stage("rates", 4, "parts") as advance:
+        return _made(
+            [
+                lambda: headline(context),
+                lambda: table_part(context, groups),
+                lambda: choice_part(context),
+                lambda: over_k(context),
+            ],
+            context,
+            advance,
+        )
+
+
+def _grasps_and_model(context: Context, stages: Stages) -> list[Part]:
+    """The parts of the shown run; in place of those whose files cannot be used stands a sentence."""
+    library = _usable(context, lambda: _library(context)) or {}
+    objects = _usable(context, lambda: read_predictions(context.shown, context.ranking))
+    prototypes = _usable(context, lambda: _prototypes(context))
+    steps = [*_model_steps(context, prototypes, library), *_grasp_steps(context, objects, library)]
+    with stages.stage("figures", len(steps), "figures") as advance:
+        return _made(steps, context, advance)
+
+
+def _model_steps(
+    context: Context, prototypes: Prototypes | None, library: dict[str, GraspObject]
+) -> list[Callable[[], Part]]:
+    if prototypes is None:
+        return [lambda: _missing("fig10", "Figs. 10 to 13", context, "no model that can be read")]
+    known, openings = prototypes, context.shown.settings["hand"]["openings"]
+    steps: list[Callable[[], Part]] = [lambda: prototypes_part(context, known)]
+    if library:
+        steps.append(lambda: objects_part(context, known, library))
+    return [*steps, *(lambda kind=kind: grasps_part(context, known, kind, openings[kind]) for kind in GRASP_TYPES)]  # type: ignore[misc]
+
+
+def _grasp_steps(
+    context: Context, objects: list[Candidates] | None, library: dict[str, GraspObject]
+) -> list[Callable[[], Part]]:
+    if objects is None:
+        return [lambda: _missing("precision", "Single grasps", context, "no predictions that can be read")]
+    known, openings = objects, context.shown.settings["hand"]["openings"]
+    return [
+        lambda: reliability_part(context, known),
+        lambda: precision_part(context, known),
+        lambda: worst_part(context, known, library, openings),
+    ]
+
+
+def _made(steps: Sequence[Callable[[], Part]], context: Context, advance: Callable[[int], None]) -> list[Part]:
+    parts = []
+    for step in steps:
+        if (part := _usable(context, step)) is not None:
+            parts.append(part)
+        advance(1)
+    return parts
+
+
+def _library(context: Context) -> dict[str, GraspObject]:
+    return {obj.name: obj for obj in load_objects(find(context.shown.settings["objects"]))}
+
+
+def _prototypes(context: Context) -> Prototypes:
+    model = load_model(context.shown.folder)
+    return describe(model, float(model.settings["features"]["radius"]))
+
+
+def _usable(context: Context, read: Callable[[], T]) -> T | None:
+    """What `read` returns; where that is refused, a line is told and the figures that need it are left out."""
+    try:
+        return read()
+    except InputError as error:
+        context.tell(f"figures left out: {error}")
+        return None
+
+
+def _missing(id: str, title: str, context: Context, words: str) -> Part:
+    text = f"The run shown ({html.escape(context.shown.folder.name)}, K = {context.shown.K}) has {words}."
+    return Part(Section(id, title, f"<p>{text}</p>"))
+
+
+def _left_out(notes: Sequence[str]) -> Section:
+    items = "".join(f"<li>{html.escape(line)}</li>" for line in notes) or "<li>Nothing.</li>"
+    return Section("notes", "Left out", f"<p>What was found in the runs and is not in this report:</p><ul>{items}</ul>")

@@ -1,0 +1,109 @@
+"""Parts of the report that come from single grasps: precision at N, reliability, the worst objects."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from spgf_torch.drawing.page import Section, caption, chart, drawn, picture, png, table, turning
+from spgf_torch.evaluation.reliability import BINS, reliability
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.reporting.data.predictions import (
+    Candidates,
+    ceilings_at,
+    class_curves,
+    mean_curves,
+    precision_at,
+    probabilities,
+)
+from spgf_torch.reporting.figures.charts import Precision, precision_at_n, reliability_diagram
+from spgf_torch.reporting.figures.scenes import Held, worst
+from spgf_torch.reporting.figures.views import worst_view
+from spgf_torch.reporting.pages.context import Context, Part
+
+PAPER = "paper"
+SCORES = {
+    "brier_before": "Brier, before",
+    "brier": "Brier, after",
+    "ece_before": "calibration error, before",
+    "ece": "after",
+}
+
+
+def precision_part(context: Context, objects: Sequence[Candidates]) -> Part:
+    """Precision at N."""
+    config, run = context.config, context.shown
+    classes = [candidates.category for candidates in objects]
+
+    def at(ranking: str) -> np.ndarray:
+        return precision_at(objects, ranking, run.chosen, config.precision)
+
+    shared = context.ranking != PAPER and all(PAPER in candidates.scores for candidates in objects)
+    curves = Precision(
+        class_curves(classes, at(context.ranking), config.bootstrap, config.seed),
+        mean_curves(classes, at(PAPER)) if shared else None,
+        mean_curves(classes, ceilings_at(objects, config.precision)),
+    )
+    figure = precision_at_n(curves, run.N, run.random)
+    words = caption(
+        f"Share of successes among the N highest-ranked grasps, K = {run.K}. Coloured: the ranking "
+        f"<code>{html.escape(context.ranking)}</code> with its 95 % interval over objects; grey: the same votes "
+        "ranked as the paper does; dotted: the ceiling, which falls where an object has fewer than N grasps that "
+        f"hold; dashed: random. The thin line marks N = {run.N}, the N of Table 1."
+    )
+    body = words + chart(figure, "precision at N")
+    return Part(Section("precision", "Precision at N", body), {"precision_at_n.png": png(drawn(figure))})
+
+
+def reliability_part(context: Context, objects: Sequence[Candidates]) -> Part:
+    """Reliability before and after calibration."""
+    known = {kind: probabilities(objects, kind) for kind in GRASP_TYPES}
+    before, after = (
+        {kind: reliability(values[which], values[2]) for kind, values in known.items()} for which in (0, 1)
+    )
+    figure = reliability_diagram(before, after)
+    words = caption(
+        f"What is predicted and what happens, on novel objects, K = {context.shown.K}: all candidate grasps in {BINS} "
+        "bins of predicted probability. On the dashed line, of the grasps that are given 70 % exactly 70 % "
+        "succeed. Grey: the mean learned probability of a grasp's votes; coloured: calibrated on training objects. "
+        "Hollow points stand for fewer than 20 grasps; below, the number of grasps in each bin (logarithmic)."
+    )
+    numbers = context.shown.calibration
+    rows = [
+        [kind, *(f"{numbers[kind][key]:.3f}" if key in numbers[kind] else "-" for key in SCORES)] for kind in numbers
+    ]
+    body = words + chart(figure, "reliability diagram") + (table(["", *SCORES.values()], rows) if rows else "")
+    return Part(Section("reliability", "Reliability", body), {"reliability.png": png(drawn(figure))})
+
+
+def worst_part(
+    context: Context, objects: Sequence[Candidates], library: Mapping[str, GraspObject], openings: Mapping[str, float]
+) -> Part:
+    """The objects with the fewest successes among their highest-ranked grasps, pictured."""
+    n = context.shown.N
+    tops = [(c, c.ranked(context.ranking, context.shown.chosen, "CG", n)) for c in objects]
+    failing = [(c, top) for c, top in tops if not c.success[top].all()]
+    failing.sort(key=lambda pair: (pair[0].success[pair[1]].mean(), pair[0].name))
+    if absent := [c.name for c, _ in failing if c.name not in library]:
+        context.tell(f"worst objects: expected descriptions of {', '.join(absent)}, got none; not pictured")
+    pictured = [pair for pair in failing if pair[0].name in library][: context.config.worst]
+    title = "Worst objects"
+    if not pictured:
+        return Part(Section("worst", title, "<p>No object to picture: every highest-ranked grasp was held.</p>"))
+    shown = [_held(c, top, library[c.name], openings) for c, top in pictured]
+    shown_as = drawn(worst(shown))
+    words = caption(
+        f"The objects with the lowest CG by the ranking <code>{html.escape(context.ranking)}</code>, K = "
+        f"{context.shown.K}, with their {n} highest-ranked grasps: red failed, green held. A fork is the open hand: "
+        "approach axis, palm, and two fingers that end at the pads. Turned below."
+    )
+    body = words + picture(shown_as, "worst objects") + turning(worst_view(shown))
+    return Part(Section("worst", title, body), {"worst_objects.png": png(shown_as)})
+
+
+def _held(candidates: Candidates, top: np.ndarray, obj: GraspObject, openings: Mapping[str, float]) -> Held:
+    wide = [openings[GRASP_TYPES[code]] for code in candidates.grasp_type[top]]
+    return Held.of(candidates.name, obj.mesh, candidates.T_object_tcp[top], wide, candidates.success[top])

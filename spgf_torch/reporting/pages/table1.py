@@ -1,0 +1,218 @@
+"""Table 1 of the paper with ours beside it: Markdown, CSV (long form), LaTeX, HTML and the terminal."""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from rich import box
+from rich.table import Table
+
+from spgf_torch.evaluation import paper
+from spgf_torch.evaluation.success import TYPES
+from spgf_torch.objects.config import CLASSES
+from spgf_torch.reporting.data.runs import Block, Bounds, Run
+
+NAMES = (*CLASSES, "all")
+COLUMNS = tuple((name, kind) for name in NAMES for kind in TYPES)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the table; rates and bounds are fractions.
+
+    Attributes:
+        row: what the row is to a script: paper, ours:<ranking>, random_paper, random, random_collision_free, ceiling.
+        label: what it is to a reader.
+        K: None where the row does not depend on it.
+    """
+
+    row: str
+    label: str
+    K: int | None
+    rates: Mapping[str, Mapping[str, float]]
+    bounds: Bounds | None = None
+
+    def rate(self, name: str, kind: str) -> float | None:
+        return self.rates.get(name, {}).get(kind)
+
+    def bound(self, name: str, kind: str) -> tuple[float, float] | None:
+        return (self.bounds or {}).get(name, {}).get(kind)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Rows under one heading."""
+
+    heading: str
+    rows: tuple[Row, ...]
+
+
+def table1(runs: Sequence[Run], rankings: Sequence[str], baseline: Run) -> list[Group]:
+    """The table: for each ranking the paper's row and ours for each K, then chance and ceiling.
+
+    Args:
+        runs: the sweep, by K; a run without a ranking is left out of that ranking's rows.
+        rankings: the one that the report shows, then others; one that no run has makes no group.
+        baseline: the run whose chance and ceiling are shown.
+    """
+    groups = []
+    for ranking in rankings:
+        rows = [row for run in runs if ranking in run.by_ranking for row in _pair(run, ranking)]
+        if rows:
+            groups.append(Group(f"ranking: {ranking}", tuple(rows)))
+    chance = (
+        Row("random_paper", "random, paper", None, _fractions(paper.RANDOM)),
+        Row("random", "random", None, _without_cg(baseline.random)),
+        Row("random_collision_free", "random, no sensed collision", None, baseline.random_collision_free),
+        Row("ceiling", "ceiling: best by outcome", None, baseline.ceiling),
+    )
+    return [*groups, Group("chance and ceiling", chance)]
+
+
+def markdown(groups: Sequence[Group], caption: str) -> str:
+    """A Markdown table: percent, ours with 95 % intervals."""
+    heads = ["", *(f"{name} {kind}" for name, kind in COLUMNS)]
+    lines = [caption, "", _line(heads), _line(["---", *["---:"] * len(COLUMNS)])]
+    for group in groups:
+        lines.append(_line([f"**{group.heading}**", *[""] * len(COLUMNS)]))
+        lines += [_line([row.label, *(_cell(row, *column) for column in COLUMNS)]) for row in group.rows]
+    return "\n".join(lines) + "\n"
+
+
+def long_csv(groups: Sequence[Group]) -> str:
+    """A line a rate: class,type,K,row,rate,low,high; rates are fractions, bounds where there are some."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["class", "type", "K", "row", "rate", "low", "high"])
+    for row in (row for group in groups for row in group.rows):
+        for name, kind in COLUMNS:
+            if (rate := row.rate(name, kind)) is not None:
+                low, high = (
+                    (f"{bound:.6g}" for bound in row.bound(name, kind) or ()) if row.bound(name, kind) else ("", "")
+                )
+                writer.writerow([name, kind, "" if row.K is None else row.K, row.row, f"{rate:.6g}", low, high])
+    return text.getvalue()
+
+
+def latex(groups: Sequence[Group], caption: str) -> str:
+    """A `tabular` for the package booktabs: intervals stand in small type below the rates."""
+    classes = " & ".join(rf"\multicolumn{{{len(TYPES)}}}{{c}}{{{escape(name)}}}" for name in NAMES)
+    rules = "".join(rf"\cmidrule(lr){{{2 + 3 * i}-{4 + 3 * i}}}" for i in range(len(NAMES)))
+    lines = [
+        f"% {caption}",
+        "% needs \\usepackage{booktabs}",
+        r"\begin{tabular}{l" + "r" * len(COLUMNS) + "}",
+        r"\toprule",
+        rf" & {classes} \\",
+        rules,
+        " & " + " & ".join(kind for _, kind in COLUMNS) + r" \\",
+    ]
+    for group in groups:
+        lines += [r"\midrule", rf"\multicolumn{{{1 + len(COLUMNS)}}}{{l}}{{\emph{{{escape(group.heading)}}}}} \\"]
+        for row in group.rows:
+            rates = (row.rate(*column) for column in COLUMNS)
+            lines.append(
+                " & ".join([escape(row.label), *("--" if r is None else f"{100 * r:.1f}" for r in rates)]) + r" \\"
+            )
+            if row.bounds:
+                bounds = (row.bound(*column) for column in COLUMNS)
+                small = (rf"{{\scriptsize {100 * b[0]:.0f}--{100 * b[1]:.0f}}}" if b else "" for b in bounds)
+                lines.append(" & ".join(["", *small]) + r" \\")
+    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def escape(text: str) -> str:
+    """Text for LaTeX."""
+    special = {c: rf"\{c}" for c in "&%$#_{}"} | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\^{}"}
+    return "".join(special.get(c, c) for c in text)
+
+
+def page_table(groups: Sequence[Group]) -> str:
+    """The table for a page; of every ranking the rows of the K with its best CG stand out."""
+    classes = "".join(f'<th colspan="{len(TYPES)}" class="first">{name}</th>' for name in NAMES)
+    kinds = "".join(f"<th{_first(kind)}>{kind}</th>" for _, kind in COLUMNS)
+    lines = [f'<table class="rates"><thead><tr><th></th>{classes}</tr><tr><th></th>{kinds}</tr></thead>']
+    for group in groups:
+        best = _best_k(group)
+        lines.append(
+            f'<tbody><tr class="group"><th colspan="{1 + len(COLUMNS)}">{html.escape(group.heading)}</th></tr>'
+        )
+        for row in group.rows:
+            cells = "".join(f"<td{_first(kind)}>{_page_cell(row, name, kind)}</td>" for name, kind in COLUMNS)
+            marks = f"{row.row.split(':')[0]} {'best' if row.K and best == row.K else ''}"
+            lines.append(f'<tr class="{marks}"><th>{html.escape(row.label)}</th>{cells}</tr>')
+        lines.append("</tbody>")
+    return "\n".join([*lines, "</table>"])
+
+
+def terminal(groups: Sequence[Group]) -> Table:
+    """The short form, 80 columns wide: CG of each class, and each type over all objects, of the first ranking."""
+    table = Table(
+        title="Success-rate (%) on novel objects",
+        caption="(low-high): 95 % interval over objects",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 0, 0, 1),
+        pad_edge=False,
+    )
+    short = [*((name, "CG") for name in CLASSES), *(("all", kind) for kind in TYPES)]
+    table.add_column(groups[0].heading, no_wrap=True)
+    for name, kind in short:
+        table.add_column(f"{name}\n{kind}", justify="right", no_wrap=True)
+    for group in (groups[0], *groups[1:][-1:]):
+        for row in group.rows:
+            rates = (_cell(row, *column) for column in short)
+            last = row is group.rows[-1]
+            cells = [
+                cell if column == short[-1] else cell.split()[0] for cell, column in zip(rates, short, strict=True)
+            ]
+            table.add_row(row.label, *cells, end_section=last)
+    return table
+
+
+def _best_k(group: Group) -> int | None:
+    """The K of ours with the highest CG over all objects; of equal ones the smallest."""
+    ours = [(row.rate("all", "CG") or 0.0, -row.K) for row in group.rows if row.K is not None and row.bounds]
+    return -max(ours)[1] if ours else None
+
+
+def _pair(run: Run, ranking: str) -> list[Row]:
+    theirs = paper.SUCCESS_RATE.get(run.K)
+    printed = [Row("paper", f"K = {run.K}, paper", run.K, _fractions(theirs))] if theirs else []
+    rates, bounds = run.by_ranking[ranking], run.interval95.get(ranking)
+    return [*printed, Row(f"ours:{ranking}", f"K = {run.K}, ours", run.K, rates, bounds)]
+
+
+def _fractions(percent: Mapping[str, Mapping[str, float]]) -> Block:
+    return {name: {kind: rate / 100 for kind, rate in row.items()} for name, row in percent.items()}
+
+
+def _without_cg(block: Block) -> Block:
+    return {name: {kind: rate for kind, rate in row.items() if kind != "CG"} for name, row in block.items()}
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _cell(row: Row, name: str, kind: str) -> str:
+    rate, bound = row.rate(name, kind), row.bound(name, kind)
+    if rate is None:
+        return "-"
+    return f"{100 * rate:.1f}" + (f" ({100 * bound[0]:.0f}-{100 * bound[1]:.0f})" if bound else "")
+
+
+def _page_cell(row: Row, name: str, kind: str) -> str:
+    rate, bound = row.rate(name, kind), row.bound(name, kind)
+    if rate is None:
+        return "-"
+    small = f"<small>{100 * bound[0]:.0f}-{100 * bound[1]:.0f}</small>" if bound else ""
+    return f"{100 * rate:.1f}{small}"
+
+
+def _first(kind: str) -> str:
+    return ' class="first"' if kind == TYPES[0] else ""

@@ -1,0 +1,176 @@
+"""Typed settings: ranges and choices of values, defaults from `conf/`, and the wording of what is wrong with them.
+
+The values live in `conf/` (one YAML file a room, each value with its reason); the dataclasses in the rooms' `config.py`
+give each key a type and a range. `FeatureConfig()` has the default values, read without Hydra;
+`settings(FeatureConfig, radius=0.02)` checks what is changed.
+
+Lengths are metres, masses kilograms, times seconds; angles are degrees in settings (and only there).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import Field, field, fields, is_dataclass
+from difflib import get_close_matches
+from functools import cache, partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeVar, get_type_hints
+
+from omegaconf import MISSING, OmegaConf
+from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
+
+from spgf_torch.errors import InputError
+from spgf_torch.paths import root
+
+T = TypeVar("T")
+
+
+def bounded(low: float, high: float) -> Any:
+    """A required number within [low, high]."""
+    return field(default=MISSING, metadata={"range": (low, high)})
+
+
+def choice(*options: str) -> Any:
+    """A required word, one of `options`."""
+    return field(default=MISSING, metadata={"choice": options})
+
+
+def text(default: Any = MISSING) -> Any:
+    """A string or path; its meaning is checked where it is used."""
+    return field(default=default)
+
+
+# Mark of a field that what is read from elsewhere must give.
+REQUIRED = "required"
+
+
+def defaults_from(path: str) -> Callable[[type[T]], type[T]]:
+    """Give the required fields of a dataclass to be their defaults in `conf/<path>`, read when an instance is made.
+
+    What is read from elsewhere (`typed`) must still give each of them.
+    """
+
+    def give(kind: type[T]) -> type[T]:
+        for name in kind.__annotations__:
+            entry = vars(kind).get(name)
+            if isinstance(entry, Field) and entry.default == MISSING:
+                entry.default, entry.default_factory = dataclasses.MISSING, partial(_default, path, name)
+                entry.metadata = MappingProxyType({**entry.metadata, REQUIRED: True})
+        kind.DEFAULTS = path  # type: ignore[attr-defined]
+        return kind
+
+    return give
+
+
+def _default(path: str, name: str) -> Any:
+    return deepcopy(_values(path)[name])
+
+
+@cache
+def _values(path: str) -> dict[str, Any]:
+    return dict(_plain(OmegaConf.load(root() / "conf" / path)))
+
+
+def _given(kind: Any, values: Any, prefix: str) -> None:
+    """InputError for the first required field of a dataclass that `values` lack, here or further in."""
+    types = get_type_hints(kind)
+    for entry in fields(kind):
+        name, of = prefix + entry.name, types[entry.name]
+        if is_dataclass(of):
+            _given(of, (values or {}).get(entry.name, {}), name + ".")
+        elif entry.metadata.get(REQUIRED) and entry.name not in (values or {}):
+            raise InputError(f"{name}: expected a value, got none")
+
+
+def settings(kind: type[T], **changes: Any) -> T:
+    """The default settings of a room, read from `conf/` without Hydra, with `changes` applied."""
+    given = {key: _python(value) for key, value in changes.items()}
+    return typed(kind, {**_values(kind.DEFAULTS), **given})  # type: ignore[attr-defined]
+
+
+def typed(kind: type[T], values: Any) -> T:
+    """`values` (a mapping) as an instance of the dataclass `kind`.
+
+    Raises InputError in one line for a key that does not exist, a wrong type or a number out of range, and for
+    `${...}`: Hydra has resolved the settings' own, and in a file read from elsewhere it would read the environment.
+    """
+    try:
+        _check_literal(values, "")
+        merged = OmegaConf.merge(OmegaConf.structured(kind), OmegaConf.create(_plain(values)))
+        _given(kind, _plain(values), "")
+        result = OmegaConf.to_object(merged)
+    except MissingMandatoryValue as error:
+        raise InputError(f"{error.full_key or error.key}: expected a value, got none") from None
+    except OmegaConfBaseException as error:
+        raise InputError(_one_line(error)) from None
+    _check(result, "")
+    return result  # type: ignore[return-value]
+
+
+def plain(config: Any) -> dict[str, Any]:
+    """A settings dataclass as nested dicts and lists of plain Python values."""
+    return _plain(OmegaConf.structured(config))
+
+
+def _python(value: Any) -> Any:
+    """A value of a setting given in Python: arrays, tensors, their numbers and paths as plain values."""
+    if isinstance(value, list | tuple):
+        return [_python(part) for part in value]
+    if isinstance(value, Path):
+        return str(value)
+    return value.tolist() if callable(getattr(value, "tolist", None)) else value
+
+
+def _plain(values: Any) -> Any:
+    return OmegaConf.to_container(values, resolve=True) if OmegaConf.is_config(values) else values
+
+
+# OmegaConf's words in ours.
+_WORDS = {
+    r"^Value '(.*)' of type '\w+' could not be converted to (\w+)$": r"expected a value of type \2, got \1",
+    r"^Incompatible value '(.*)' for field of type '(\w+)'$": r"expected a value of type \2, got \1",
+    r"^Cannot convert '(\w+)' to string: '(.*)'$": r"expected text, got \2",
+    r"^field '(\w+)' is not Optional$": r"\1: expected a value, got none",
+    r"^Object of unsupported type: '(\w+)'$": r"expected keys and values, got \1",
+    r"^Invalid type assigned: \w+ is not a subclass of (\w+)\. value: (.*)$": r"expected keys of \1, got \2",
+}
+
+
+def _one_line(error: OmegaConfBaseException) -> str:
+    message = str(error.msg or error).splitlines()[0].strip()
+    unknown = re.match(r"^Key '(.*)' not in '\w+'$", message)
+    kind = getattr(error, "object_type", None)
+    if unknown and isinstance(kind, type) and is_dataclass(kind):
+        near = get_close_matches(unknown[1], [entry.name for entry in fields(kind)], 1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        named = str(getattr(error, "full_key", None) or unknown[1])
+        return f"{named}: expected a key of {kind.__name__}, got {unknown[1]}{hint}"
+    for pattern, words in _WORDS.items():
+        message = re.sub(pattern, words, message)
+    key = getattr(error, "full_key", None)
+    return f"{key}: {message}" if key and str(key) not in message else message
+
+
+def _check_literal(value: Any, name: str) -> None:
+    if isinstance(value, str) and "${" in value:
+        raise InputError(f"{name}: expected a plain value, got {value}")
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
+    for key, part in parts:
+        _check_literal(part, f"{name}.{key}" if name else str(key))
+
+
+def _check(config: Any, prefix: str) -> None:
+    for entry in fields(config):
+        value, name = getattr(config, entry.name), prefix + entry.name
+        if is_dataclass(value):
+            _check(value, name + ".")
+        elif "range" in entry.metadata:
+            low, high = entry.metadata["range"]
+            if value is not None and not low <= value <= high:
+                raise InputError(f"{name}: expected a number from {low:g} to {high:g}, got {value}")
+        elif "choice" in entry.metadata and value not in entry.metadata["choice"]:
+            raise InputError(f"{name}: expected one of {', '.join(entry.metadata['choice'])}; got {value}")

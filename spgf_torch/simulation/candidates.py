@@ -1,0 +1,60 @@
+"""Candidate grasps on an object's surface (design/SIMULATION.md, Candidates): no filter, no knowledge of success."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+import trimesh
+from scipy.spatial.transform import Rotation
+from torch import Tensor
+
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.simulation.config import SamplerConfig
+from spgf_torch.simulation.table import pose_matrix
+
+SKIN = 1e-5  # m that a ray starts below the surface, so that it does not hit the face it leaves (embree is float32)
+
+
+def sample_candidates(obj: GraspObject, count: int, config: SamplerConfig, rng: np.random.Generator) -> Tensor:
+    """T_object_tcp (count, 4, 4) float32, each rebuilt from the float32 pose that the trial table stores."""
+    return pose_matrix(*sample_poses(obj, count, config, rng))
+
+
+def sample_poses(
+    obj: GraspObject, count: int, config: SamplerConfig, rng: np.random.Generator
+) -> tuple[Tensor, Tensor]:
+    """Position (count, 3) and quaternion wxyz (count, 4), float32, of T_object_tcp.
+
+    A surface point p (uniform by area) with normal n; closing axis +-n; TCP midway from p to where the ray along -n
+    first leaves the object; approach uniform around n, turned round where it would come from inside; then a rotation
+    vector and a shift, normal in each coordinate with standard deviations `jitter_deg` and `jitter`.
+    """
+    points, faces = trimesh.sample.sample_surface(obj.mesh, count, seed=int(rng.integers(2**63)))
+    normals = obj.mesh.face_normals[faces]
+    centres = points - normals * (_thickness(obj.mesh, points, normals) / 2)[:, None]
+    closing = normals * rng.choice([-1.0, 1.0], count)[:, None]
+    approach = _perpendicular(normals, rng)
+    outwards = np.einsum("ij,ij->i", approach, centres - obj.com) > 0
+    approach[outwards] *= -1
+    axes = np.stack([closing, np.cross(approach, closing), approach], axis=-1)
+    turn = rng.normal(0, np.radians(config.jitter_deg), (count, 3))
+    shift = rng.normal(0, config.jitter, (count, 3))
+    rotation = Rotation.from_rotvec(turn) * Rotation.from_matrix(axes)
+    quaternion = rotation.as_quat(canonical=True, scalar_first=True)
+    return torch.from_numpy((centres + shift).astype(np.float32)), torch.from_numpy(quaternion.astype(np.float32))
+
+
+def _thickness(mesh: trimesh.Trimesh, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """(M,) distance along -normal to the next surface; 0 where the ray slips through a crack between faces."""
+    origins = points - SKIN * normals
+    hits, rays, _ = mesh.ray.intersects_location(origins, -normals, multiple_hits=False)
+    distance = np.zeros(len(points))
+    distance[rays] = np.linalg.norm(hits - points[rays], axis=1)
+    return distance
+
+
+def _perpendicular(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(M, 3) unit vectors, uniform on the circle around each normal."""
+    vectors = rng.normal(size=normals.shape)
+    vectors -= np.einsum("ij,ij->i", vectors, normals)[:, None] * normals
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)

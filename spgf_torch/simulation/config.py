@@ -1,0 +1,59 @@
+"""Settings of trials in simulation, and of `simulate`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from spgf_torch.objects.config import ObjectsConfig
+from spgf_torch.settings import bounded, choice, defaults_from, text
+
+
+@dataclass
+@defaults_from("sampler/surface_pairs.yaml")
+class SamplerConfig:
+    """Candidate grasps on an object's surface (SIMULATION.md, Candidates)."""
+
+    jitter_deg: float = bounded(0.0, 90.0)
+    jitter: float = bounded(0.0, 0.1)
+
+
+@dataclass
+@defaults_from("episode/pinch.yaml")
+class EpisodeConfig:
+    """One simulated grasp: solver, phases, success rule (SIMULATION.md)."""
+
+    dt: float = bounded(1e-5, 0.02)
+    position_iterations: int = bounded(1, 255)
+    velocity_iterations: int = bounded(1, 255)
+    contact_offset: float = bounded(1e-5, 0.05)
+    friction: float = bounded(0.0, 5.0)
+    depenetration: float = bounded(0.01, 100.0)
+    damping: float = bounded(0.0, 100.0)
+    close_time: float = bounded(0.01, 10.0)
+    stall_window: float = bounded(0.002, 1.0)
+    stall_motion: float = bounded(0.0, 0.1)
+    settle_time: float = bounded(0.0, 10.0)
+    hold_time: float = bounded(0.0, 10.0)
+    hold_acceleration: float = bounded(0.0, 100.0)
+    shake_time: float = bounded(0.0, 10.0)
+    shake_acceleration: float = bounded(0.0, 100.0)
+    gravity: float = bounded(0.0, 100.0)
+    max_slip: float = bounded(0.0, 1.0)
+    max_rotation_deg: float = bounded(0.0, 180.0)
+
+
+@dataclass
+class SimulateConfig(ObjectsConfig):
+    """`python -m spgf_torch.simulate`: the trial table."""
+
+    candidates: int = bounded(1, 10_000_000)
+    out: str | None = text()
+    seed: int = bounded(0, 2**31 - 1)
+    chunk: int = bounded(1, 1_000_000)
+    time_limit: float = bounded(0.1, 86_400.0)
+    failed_as: str | None = text()
+    runner: str = choice("local", "dask")
+    address: str | None = text()
+    shard: str = text()
+    sampler: SamplerConfig = field(default_factory=SamplerConfig)
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)

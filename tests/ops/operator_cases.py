@@ -1,0 +1,240 @@
+"""Arguments that every operator is tried with: small, of a seed, and reaching every branch."""
+
+import torch
+from torch import Tensor
+
+from spgf_torch.geometry import se3
+from spgf_torch.geometry.lattice import Lattice, gaussian_kernel
+from spgf_torch.ops.accumulate_votes import Candidates, Voters
+from spgf_torch.ops.analyse import Queries, Space, Weights
+from spgf_torch.ops.analyse import populate as populate_operator
+from spgf_torch.ops.grid import Ring
+from spgf_torch.ops.kmeans_start import Weighted
+from spgf_torch.ops.look_up import Table
+
+Case = tuple[object, ...]
+
+
+def generator() -> torch.Generator:
+    return torch.Generator().manual_seed(0)
+
+
+def points_in_volume() -> list[Case]:
+    """Points about two boxes, one of them open to a side; then none."""
+    draws = generator()
+    T = se3.random_poses(300, draws, extent=0.05)
+    box = torch.cat([torch.eye(3), -torch.eye(3)])
+    near = torch.cat([box, torch.tensor([0.05, 0.01, 0.02, -0.03, 0.01, 0.02])[:, None]], dim=1)
+    far = torch.cat([box[:5], torch.tensor([-0.03, 0.01, 0.02, 0.05, 0.01])[:, None]], dim=1)
+    bounds = torch.tensor([[-0.05, -0.01, -0.02], [0.05, 0.01, 0.02]])
+    points = (torch.rand(40, 3, generator=draws) - 0.5) * 0.2
+    volume = (torch.cat([near, far]), [6, 11], bounds)
+    return [(points, T, *volume), (points[:0], T, *volume), (points, T[:0], *volume)]
+
+
+LATTICE = Lattice(reach=0.05, voxel=0.012, rotation_deg=45.0)
+SLICES = 6
+
+
+def poses(n: int, draws: torch.Generator) -> Tensor:
+    return se3.random_poses(n, draws, extent=0.03)
+
+
+def table(draws: torch.Generator) -> Table:
+    """A third of all cells of each slice, but for one slice without any."""
+    learned = torch.rand(SLICES * LATTICE.cells, generator=draws) < 0.3
+    learned[3 * LATTICE.cells : 4 * LATTICE.cells] = False
+    before = torch.cat([torch.zeros(1), learned.view(-1, LATTICE.row_size).sum(1).cumsum(0)]).int()
+    return Table(before, (learned.nonzero()[:, 0] % LATTICE.cells).int())
+
+
+def nowhere() -> Table:
+    """Of a space that learned nothing."""
+    return Table(torch.zeros(SLICES * LATTICE.rows + 1).int(), torch.zeros(0).int())
+
+
+def cell_pairs() -> list[Case]:
+    """More features than one part of the work has, exact poses in float64, and nothing."""
+    draws = generator()
+    features, grasps = poses(100, draws), poses(50, draws)
+    cases = [(features, grasps), (features.double(), grasps.double()), (features[:0], grasps), (features, grasps[:0])]
+    return [(*case, LATTICE.numbers) for case in cases]
+
+
+def look_up() -> list[Case]:
+    draws = generator()
+    slice_ = torch.randint(SLICES, (5000,), generator=draws).int()
+    cell = torch.randint(LATTICE.cells, (5000,), generator=draws).int()
+    cases = [(table(draws), slice_, cell), (nowhere(), slice_, cell), (table(draws), slice_[:0], cell[:0])]
+    return [(found, LATTICE.rows, LATTICE.row_size, *asked) for found, *asked in cases]
+
+
+def accumulate_votes() -> list[Case]:
+    """More grasps than one part of the work has; a space that learned nothing; nobody to vote, and nothing to."""
+    draws = generator()
+    voters = Voters(poses(40, draws), 2 * torch.randint(SLICES // 2, (40,), generator=draws))
+    candidates = Candidates(poses(700, draws), torch.arange(700) % 2)
+    learned = table(draws)
+    worth = torch.randn(len(learned.cell), generator=draws)
+    nobody, nothing = Voters(*(c[:0] for c in voters)), Candidates(*(c[:0] for c in candidates))
+    cases = [(voters, candidates, learned, worth), (voters, candidates, nowhere(), worth[:0])]
+    cases += [(nobody, candidates, learned, worth), (voters, nothing, learned, worth)]
+    return [(*case, LATTICE.numbers) for case in cases]
+
+
+def blobs(draws: torch.Generator) -> Tensor:
+    """600 points about six places."""
+    return 3 * torch.randn(6, 9, generator=draws).repeat(100, 1) + torch.randn(600, 9, generator=draws)
+
+
+def centres(draws: torch.Generator) -> list[Tensor]:
+    """Centres among the points, and some that are so far from them that they stay empty."""
+    points = blobs(draws)
+    return [points[:8], torch.cat([points[:5], torch.full((2, 9), 90.0)])]
+
+
+def assign() -> list[Case]:
+    draws = generator()
+    points = blobs(draws)
+    return [(points, c) for c in centres(draws)] + [(points[:0], points[:3])]
+
+
+def lloyd_step() -> list[Case]:
+    """Rows that lie together, rows that do not, and in float64."""
+    draws = generator()
+    points, (few, far) = blobs(draws), centres(draws)
+    return [(points, few), (points[::3], far), (points.double(), few.double())]
+
+
+def member_sums() -> list[Case]:
+    draws = generator()
+    points, ids = blobs(draws), torch.randint(7, (600,), generator=draws)
+    return [(points, ids, 9), (points[::2], ids[::2], 9)]
+
+
+def lloyd() -> list[Case]:
+    draws = generator()
+    return [(blobs(draws), c, steps, 1e-6) for c in centres(draws) for steps in (1, 20)]
+
+
+def partition() -> list[Case]:
+    points = blobs(generator())
+    return [(points, 40), (points[:3], 40), (torch.full((5, 2), 0.1), 3)]
+
+
+def plusplus() -> list[Case]:
+    draws = generator()
+    points, weights = blobs(draws), torch.randint(1, 5, (600,), generator=draws).float()
+    return [(points, weights, torch.rand(3, 7, 2, generator=draws, dtype=torch.float64))]
+
+
+def settle() -> list[Case]:
+    draws = generator()
+    points, weights = blobs(draws), torch.randint(1, 5, (600,), generator=draws).float()
+    return [(Weighted.of(points, weights), c, steps, 1e-4) for c in centres(draws) for steps in (0, 1, 30)]
+
+
+def radius_pairs() -> list[Case]:
+    """More than one cube, twins, places so far apart that cubes cannot be counted through, and no points."""
+    draws = generator()
+    points = torch.rand((60, 3), generator=draws)
+    twins = torch.cat([points, points[:3]])
+    return [(twins, 0.3), (torch.cat([points, points + 1e12]).double(), 0.3), (points[:0], 0.3), (points[:1], 0.3)]
+
+
+def describe() -> list[Case]:
+    """Both sides of a wall with an edge, dense and sparse, in both types; every alignment; lone texlets, and none."""
+    draws = generator()
+    X = (torch.rand(400, 3, generator=draws) - 0.5) * torch.tensor([0.08, 0.06, 0.002])
+    n = torch.nn.functional.normalize(0.1 * torch.randn(400, 3, generator=draws) + X.sign() * torch.tensor([0, 0, 1.0]))
+    start = torch.randint(12, (400,), generator=draws)
+    ring, one, aside = Ring(36, 6, 2), Ring(12, 0, 1), X + torch.tensor([0.517, 0.031, 0.42])
+    cases: list[Case] = [(X, n, None, 0.02, ring, "saturated", soft) for soft in (False, True)]
+    cases += [(X, n, start, 0.02, one, "flat", False), (X.double(), n.double(), None, 0.01, ring, "saturated", False)]
+    cases.append((aside, n, None, 0.02, ring, "saturated", False))
+    return [*cases, (X[:30], n[:30], None, 0.001, ring, "flat", False), (X[:0], n[:0], None, 0.02, ring, "flat", True)]
+
+
+COARSE = Lattice(reach=0.03, voxel=0.01, rotation_deg=60.0)
+
+
+def particles(n: int, draws: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
+    """Slice, cell and success, crowded into a few cells."""
+    direction = torch.nn.functional.normalize(torch.randn(n, 3, generator=draws), dim=1)
+    turn = torch.nn.functional.normalize(torch.tensor([1.0, 0, 0, 0]) + 0.3 * torch.randn(n, 4, generator=draws), dim=1)
+    slice_ = torch.randint(SLICES, (n,), generator=draws)
+    slice_[slice_ == 2] = 3  # a slice without any
+    return slice_.int(), COARSE.index(direction * 0.012, turn).int(), torch.rand(n, generator=draws) < 0.3
+
+
+def dealt(draws: torch.Generator) -> list[list[Tensor]]:
+    """The particles of four objects, the third of which has none."""
+    objects = [particles(n, draws) for n in (200, 150, 0, 250)]
+    return [list(column) for column in zip(*objects, strict=True)]
+
+
+def populate() -> list[Case]:
+    """Objects in three groups, one of them empty; finer lattices need keys of 64 bits."""
+    columns = dealt(generator())
+    return [(*columns, parts, SLICES, COARSE.numbers) for parts in ([2, 0, 2], [4])] + [
+        (*columns, [2, 1, 1], SLICES, Lattice(0.2, 0.005, 20.0).numbers)
+    ]
+
+
+def spaces() -> tuple[Space, Space]:
+    """Of two groups, and of one."""
+    columns = dealt(generator())
+    two, one = (populate_operator.in_torch(*columns, parts, SLICES, COARSE.numbers) for parts in ([1, 3], [4]))
+    return Space(*two), Space(*one)
+
+
+def weights(sigma: float = 0.008, sigma_deg: float = 40.0) -> Weights:
+    return Weights.of(gaussian_kernel(COARSE, sigma, sigma_deg), torch.device("cpu"))
+
+
+def analyse() -> list[Case]:
+    """Asked of all, and of all but a group; of one group alone; and nothing."""
+    draws = generator()
+    slice_, cell, _ = particles(500, draws)
+    slice_[:20] = 2
+    asked = Queries(slice_, cell, torch.randint(3, (500,), generator=draws))
+    nothing, (two, one) = Queries(*(column[:0] for column in asked)), spaces()
+    alone = asked._replace(without=asked.without.clamp(max=1))
+    cases = [(two, 2, asked, weights()), (two, 2, asked, weights(0, 0)), (one, 1, alone, weights())]
+    return [(*case, COARSE.numbers) for case in [*cases, (two, 2, nothing, weights())]]
+
+
+def condense() -> list[Case]:
+    _, one = spaces()
+    return [
+        (one, weights(*sigma), COARSE.numbers, least) for sigma in ((0.008, 40.0), (0.0, 0.0)) for least in (0, 2.5)
+    ]
+
+
+def farthest_first() -> list[Case]:
+    points = blobs(generator()).double()
+    return [(points, points.square().sum(1), 50), (points[:3], points[:3, 0], 3), (points[:0], points[:0, 0], 0)]
+
+
+CASES = {
+    f.__name__: f
+    for f in (
+        points_in_volume,
+        cell_pairs,
+        look_up,
+        accumulate_votes,
+        assign,
+        lloyd_step,
+        member_sums,
+        lloyd,
+        partition,
+        plusplus,
+        settle,
+        radius_pairs,
+        describe,
+        populate,
+        analyse,
+        condense,
+        farthest_first,
+    )
+}
