@@ -14,7 +14,7 @@ test: $(READY)
 
 # What needs no physics and no run of a command: seconds. CI calls it for another Python.
 quick: $(READY)
-	$(BIN)/python -m pytest tests/geometry tests/features tests/prototypes tests/test_config.py tests/test_imports.py
+	$(BIN)/python -m pytest tests/geometry tests/features tests/prototypes tests/test_imports.py
 
 check: $(READY)
 	$(BIN)/ruff format --check .

@@ -1,5 +1,6 @@
 """Imports run one way, heavy packages stay in their rooms: the contracts in pyproject.toml, held by import-linter."""
 
+import ast
 import shutil
 import subprocess
 import sys
@@ -43,3 +44,20 @@ def test_each_contract_can_be_broken(tmp_path: Path) -> None:
     assert done.returncode == 1, done.stdout + done.stderr
     for contract in CONTRACTS:
         assert f"{contract['name']} BROKEN" in words, contract["name"]
+
+
+def test_what_is_imported_is_there() -> None:
+    """Also within functions, which nobody may have called."""
+    missing = []
+    for path in sorted(path for room in ("spgf_torch", "tests") for path in (ROOT / room).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "spgf_torch":
+                place = ROOT.joinpath(*str(node.module).split("."))
+                if not place.is_dir() and not place.with_suffix(".py").is_file():
+                    missing.append(f"{path.relative_to(ROOT)}:{node.lineno}: {node.module}")
+                elif place.is_dir():
+                    known = {part.stem for part in place.iterdir()}
+                    own = (place / "__init__.py").read_text(encoding="utf-8")
+                    lost = [alias.name for alias in node.names if alias.name not in known and alias.name not in own]
+                    missing += [f"{path.relative_to(ROOT)}:{node.lineno}: {node.module}.{name}" for name in lost]
+    assert not missing, "\n".join(missing)
