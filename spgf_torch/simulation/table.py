@@ -36,7 +36,7 @@ POSITION, QUATERNION = ("x", "y", "z"), ("qw", "qx", "qy", "qz")
 COLUMNS = ("type", *POSITION, *QUATERNION, "outcome")
 MOST_ROWS = 20_000_000  # of each of two types the most candidates that settings allow
 UNIT = 1e-3  # off the length of a quaternion: float32 gives 1e-7
-KEY = b"spgf_torch.simulation"  # of the metadata in the Parquet schema
+KEY = b"spgf_torch.trials"  # of the metadata in the Parquet schema
 
 
 @dataclass(frozen=True)
