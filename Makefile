@@ -1,20 +1,26 @@
-# Everything a fresh machine needs: Python 3.11+ and these targets.
+# Everything a fresh machine needs: Python 3.11 to 3.13 and these targets. Another Python beside the default one, with an
+# environment of its own: make test PYTHON=python3.13 VENV=.venv-3.13
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
-.PHONY: train test check bench fuzz trials judges wheel clean
+.PHONY: train test quick check bench fuzz trials judges wheel clean
 train: $(READY)
 	$(BIN)/python -m spgf_torch.train +K=20
 
 test: $(READY)
 	$(BIN)/python -m pytest
 
+# What needs no physics and no run of a command: seconds. CI calls it for another Python.
+quick: $(READY)
+	$(BIN)/python -m pytest tests/geometry tests/features tests/prototypes tests/test_imports.py
+
 check: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
 
 bench: $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[peers]'
@@ -25,7 +31,7 @@ bench: $(READY)
 $(READY): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'  # with all extras but baselines
 	touch $(READY)
 
 # Wheel and sdist: what they hold, and the wheel alone in a new environment (tests/packaging).

@@ -10,6 +10,7 @@ from typing import Any
 from spgf_torch.affordance.config import NESTED
 from spgf_torch.baselines.config import BaselineConfig, check_network
 from spgf_torch.cli.door import door
+from spgf_torch.extras import installed, remedy
 from spgf_torch.files.given import check_folder
 from spgf_torch.progress import Stages, console, show
 
@@ -31,14 +32,13 @@ def run(config: BaselineConfig, folder: Path) -> None:
     origin = origin_of(data, config)
 
     from spgf_torch.baselines.costs import costs  # brings Lightning: seconds, not before the input is known to be good
-    from spgf_torch.baselines.fit import has_tensorboard
     from spgf_torch.baselines.folds import novel_objects, run_folds
     from spgf_torch.evaluation.files import write_per_object, write_results
     from spgf_torch.evaluation.results import build_results
     from spgf_torch.evaluation.tables import calibration_line, chosen_line, results_table
 
-    if not has_tensorboard():
-        console.print("baseline: logs as CSV alone (for TensorBoard: pip install 'spgf-torch[baselines]')")
+    if not installed("tensorboard"):
+        console.print(f"baseline: logs as CSV alone; for others: {remedy('tensorboard')}")
     with claimed(Path(config.checkpoints).expanduser(), origin) as work:
         judged = run_folds(data, config, work, origin, stages)
         novel = novel_objects(data, judged, config.N)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from spgf_torch.cli.door import door
+from spgf_torch.extras import needed
 from spgf_torch.files.given import check_folder
 from spgf_torch.formats.config import ExportConfig, wanted_formats
 from spgf_torch.paths import find
@@ -14,6 +15,8 @@ from spgf_torch.progress import Stages, show
 def run(config: ExportConfig, folder: Path) -> None:
     """Write the wanted formats into `out` (default: `dataset` in the run's folder), all of them or nothing."""
     formats = wanted_formats(config.format)
+    if "acronym" in formats:
+        needed("format: acronym", "h5py")
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from spgf_torch.cli.door import door
+from spgf_torch.extras import needed
 from spgf_torch.files.given import check_folder
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.progress import Stages, show
@@ -17,6 +18,9 @@ TABLES = {"trials": "the trial tables that simulate leaves", "own_trials": "the 
 
 def run(config: JudgeConfig, folder: Path) -> None:
     """Sense the objects, try random and then chosen grasps, learn, measure; write judge and trials into `folder`."""
+    needed("learning", "sklearn")
+    if config.runner == "dask":
+        needed("runner: dask", "distributed")
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
     for key, what in TABLES.items():
         if getattr(config, key) is not None:

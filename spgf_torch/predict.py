@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spgf_torch.cli.door import door
+from spgf_torch.extras import installed, remedy
 from spgf_torch.files.given import check_files, model_and_judge
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.progress import Stages, show
@@ -65,7 +66,7 @@ def _doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> str 
 def _write_page(
     folder: Path, grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, told: Sequence[str | None]
 ) -> None:
-    """The page and the picture, with the lines that are told."""
+    """The picture and, where plotly is installed, the page, with the lines that are told."""
     from spgf_torch.drawing.grasp_page import write_scene_page
     from spgf_torch.drawing.grasp_scene import Beside
     from spgf_torch.drawing.weighed_words import weighed_words
@@ -78,8 +79,15 @@ def _write_page(
     lines = tuple(line for line in told if line)
     beside = Beside(scene.obstacles.double().numpy(), scene.table, lines, scene.notes, words)
     positions, normals = scene.texlets.positions.double().numpy(), scene.texlets.normals.double().numpy()
-    pictures = folder / "index.html", folder / "grasps.png"
+    pictures = folder / "index.html" if installed("plotly") else None, folder / "grasps.png"
     write_scene_page(*pictures, positions, normals, grasps, predictor.grippers, predictor.names, beside)
+
+
+def _files(folder: Path, anything: bool) -> str:
+    """What there is in `folder`; `anything`: something was seen that can be shown."""
+    if anything and not installed("plotly"):
+        return f"files and picture in {folder}; no page, for which {remedy('plotly')} is needed"
+    return f"files{' and page' if anything else ''} in {folder}"
 
 
 def run(config: PredictConfig, folder: Path) -> None:
@@ -130,7 +138,7 @@ def run(config: PredictConfig, folder: Path) -> None:
     for target in scene.targets if len(scene.targets) > 1 else ():
         show(f"target {target}: {sum(grasp.target == target for grasp in grasps)} grasps")
     show(f"{len(grasps)} grasps ({by_type(grasps)}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
-    show(f"files{' and page' if len(scene.texlets) else ''} in {folder}")
+    show(_files(folder, bool(len(scene.texlets))))
 
 
 if __name__ == "__main__":

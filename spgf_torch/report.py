@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from spgf_torch.cli.door import door
+from spgf_torch.extras import needed
 from spgf_torch.progress import Stages, show
 from spgf_torch.reporting.config import ReportConfig
 
 
 def run(config: ReportConfig, folder: Path) -> None:
     """Write tables, pictures and `index.html` into `folder`; show the table."""
+    needed("index.html", "plotly")
+
     from spgf_torch.reporting.data.runs import Notes, load_runs
 
     notes, stages = Notes(), Stages()

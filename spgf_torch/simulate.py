@@ -11,6 +11,7 @@ from omegaconf import OmegaConf
 
 from spgf_torch.cli.door import door
 from spgf_torch.errors import IncompleteError, InputError
+from spgf_torch.extras import needed
 from spgf_torch.files.given import check_folder
 from spgf_torch.progress import Stages, show
 from spgf_torch.settings import plain
@@ -29,6 +30,8 @@ def run(config: SimulateConfig, folder: Path) -> None:
 
     Raises IncompleteError where an object could not be finished; its manifest says why.
     """
+    if config.runner == "dask":
+        needed("runner: dask", "distributed")
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.files.sealing import sealed_yaml

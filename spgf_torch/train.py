@@ -19,6 +19,7 @@ from spgf_torch.affordance.config import JUDGE
 from spgf_torch.cli.door import door, write_settings
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.extras import needed
 from spgf_torch.files.given import check_folder
 from spgf_torch.paths import root
 from spgf_torch.progress import Stages, show
@@ -36,6 +37,7 @@ def run(config: TrainConfig, folder: Path) -> None:
 
     With `judge=learn` a judge of the hand, and the trials that were made to teach it, go beside the model.
     """
+    _check_packages(config)
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
     _check_judge(config)
@@ -68,6 +70,18 @@ def run(config: TrainConfig, folder: Path) -> None:
         show(
             "a judge is beside them: predict and evaluate of this folder (model=) rank by it, with judge=none by votes"
         )
+
+
+def _check_packages(config: TrainConfig) -> None:
+    """InputError for settings that need a package that is not installed."""
+    if config.features.descriptor == "fpfh":
+        needed("features.descriptor: fpfh", "open3d")
+    if config.judge != "none":
+        needed(f"judge: {config.judge}", "sklearn")
+    if config.runner == "dask":
+        needed("runner: dask", "distributed")
+    if config.ranking == JUDGE:
+        needed(f"ranking: {JUDGE}", "sklearn")
 
 
 def _check_judge(config: TrainConfig) -> None:

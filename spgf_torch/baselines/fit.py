@@ -7,7 +7,6 @@ import logging
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from lightning.pytorch.plugins.environments import LightningEnvironment
 
 from spgf_torch.baselines.kept import AGAIN, read_checkpoint, write_checkpoint
 from spgf_torch.baselines.module import LOSS, GraspJudge
+from spgf_torch.extras import installed
 from spgf_torch.files.reading import unreadable
 from spgf_torch.files.sealing import is_sealed
 
@@ -37,11 +37,6 @@ class WholeCheckpoints(TorchCheckpointIO):
 
     def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any | None = None) -> None:
         write_checkpoint(Path(path), checkpoint)
-
-
-def has_tensorboard() -> bool:
-    """Whether logs can be written for TensorBoard."""
-    return find_spec("tensorboard") is not None
 
 
 def fit(make: Callable[[], GraspJudge], folder: Path) -> GraspJudge:
@@ -72,7 +67,7 @@ def fit(make: Callable[[], GraspJudge], folder: Path) -> GraspJudge:
 def _trainer(module: GraspJudge, folder: Path, resumed: dict[str, Any] | None) -> Trainer:
     device = module.task.samples.cloud.device
     loggers: list[Logger] = [_csv(folder, resumed)]
-    if has_tensorboard():
+    if installed("tensorboard"):
         loggers.append(TensorBoardLogger(folder, name=LOGS, version="tensorboard"))
     learning = module.task.learning
     return Trainer(

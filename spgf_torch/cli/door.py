@@ -25,6 +25,7 @@ from spgf_torch.cli.command_line import ALIASES, PATHS, translated
 from spgf_torch.cli.multirun import Multirun
 from spgf_torch.cli.run_folder import SETTINGS, claimed, moved, point_latest
 from spgf_torch.errors import IncompleteError, InputError, one_line
+from spgf_torch.extras import install
 from spgf_torch.files.reading import reason
 from spgf_torch.paths import root
 from spgf_torch.settings import typed
@@ -141,7 +142,7 @@ def fail(command: str, error: Exception) -> NoReturn:
     """Say what is wrong with the input in one line and leave with status 2."""
     lines = [line.strip() for line in str(error).splitlines()]
     if "hydra/launcher/" in str(error):
-        lines.append("(joblib, slurm and submitit_local: pip install 'spgf-torch[sweep]')")
+        lines.append(f"(joblib, slurm and submitit_local: {install('sweep')})")
     words = [line for line in lines if line and not line.startswith(("full_key:", "object_type=", "reference_type"))]
     line = one_line(" ".join(words))
     for alias, name in ALIASES.items():  # as it was given

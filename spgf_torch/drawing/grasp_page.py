@@ -30,7 +30,7 @@ FLAT = {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0}  # the 
 
 
 def write_scene_page(
-    page_path: Path,
+    page_path: Path | None,
     picture_path: Path,
     points: np.ndarray,
     normals: np.ndarray,
@@ -42,6 +42,7 @@ def write_scene_page(
     """Write the cloud with its grasps as a page (.html) and as a picture (.png).
 
     Args:
+        page_path: None: no page, for which plotly is needed.
         points, normals: (M, 3), m and unit, in the input's frame.
         grasps: best first. grippers: `records.grippers_of` the hand. names: a word for each prototype.
         beside: obstacles, table, and what is told.
@@ -52,6 +53,8 @@ def write_scene_page(
     beside = beside or Beside()
     scene = scene_of(points, normals, grasps, grippers, beside)
     write_bytes(picture_path, png(drawn(scene_picture(scene))))
+    if page_path is None:
+        return
     lead = f"<p>{len(grasps)} grasps on a cloud of {len(points):,} points, best first.</p>"
     lead += "".join(f"<p>{html.escape(line)}</p>" for line in beside.told)
     sections = [

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Generator, Tensor
 
-from spgf_torch.errors import InputError
+from spgf_torch.extras import needed
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.interface import VectorFeatures
 from spgf_torch.features.spgf import spgf
@@ -49,14 +49,11 @@ def fpfh(
 
 def open3d_version() -> str:
     """The version of Open3D. Raises InputError where there is none."""
-    for package in ("open3d-cpu", "open3d"):
-        try:
-            return version(package)
-        except PackageNotFoundError:
-            continue
-    raise InputError(
-        "features.descriptor: fpfh expected Open3D (pip install 'spgf-torch[baselines]'), got no such library"
-    )
+    needed("features.descriptor: fpfh", "open3d")
+    try:
+        return version("open3d-cpu")
+    except PackageNotFoundError:
+        return version("open3d")
 
 
 def _array(values: Tensor) -> np.ndarray:

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 
 from spgf_torch.errors import InputError
+from spgf_torch.extras import needed
 from spgf_torch.files.checks import rigid
 from spgf_torch.files.reading import unreadable
 from spgf_torch.formats.common import JOINTS, mesh_file, object_id, write_joints, write_splits
@@ -22,6 +22,9 @@ from spgf_torch.formats.trial_sets import Grasps, TrialSet, grasps_of
 from spgf_torch.hands.records import Gripper
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.simulation.table import OUTCOMES, TrialTable
+
+if TYPE_CHECKING:
+    import h5py
 
 SCALE = 1.0  # the exported meshes are in metres
 LARGEST = 1_000_000_000  # bytes of one data set: eight million poses
@@ -82,7 +85,7 @@ def write_file(path: Path, obj: GraspObject, table: TrialTable, gripper: Gripper
     volume = float(abs(obj.mesh.volume))
     friction = float(table.origin.episode["friction"])
     scalars = (SCALE, obj.mass, obj.mass / volume, friction, volume)
-    with h5py.File(path, "w") as file:
+    with _opened(path, "w") as file:
         group = file.create_group("object")
         group["file"] = np.bytes_(mesh_file(obj))
         for name, value in zip(SCALARS, scalars, strict=True):
@@ -113,7 +116,7 @@ def read_acronym(path: Path) -> AcronymFile:
     if not path.is_file():
         raise InputError(f"{path}: expected {what}, got {'a folder' if path.is_dir() else 'no such file'}")
     try:
-        with h5py.File(path, "r") as file:
+        with _opened(path, "r") as file:
             known = _values(file)
     except InputError:
         raise
@@ -128,6 +131,13 @@ def read_acronym(path: Path) -> AcronymFile:
     for i, T in enumerate(known.transforms):
         rigid(T.tolist(), f"{path}: grasps/transforms[{i}]")
     return known
+
+
+def _opened(path: Path, mode: str) -> h5py.File:
+    needed(f"{path}:", "h5py")
+    import h5py
+
+    return h5py.File(path, mode)
 
 
 def _values(file: h5py.File) -> AcronymFile:

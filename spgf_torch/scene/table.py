@@ -146,12 +146,18 @@ def find_table(
         return table if named is None else replace(table, doubts=(*table.doubts, "the target reaches below it"))
     if out is not None:
         _check_camera(points, out, config, generator, up)
-    if not best[0]:
-        raise InputError("table: expected a plane among the points, got points on one line")
-    narrow = "another unit or depth_scale? else " if best[0] >= config.table_share and best[1] < _NARROW else ""
-    raise InputError(
+    raise _no_table(best, config)
+
+
+def _no_table(best: tuple[float, float], config: SceneConfig) -> InputError:
+    """What is said where the largest plane has this share of the points, and this width in m, and is no table."""
+    share, width = best
+    if not share:
+        return InputError("table: expected a plane among the points, got points on one line")
+    narrow = "another unit or depth_scale? else " if share >= config.table_share and width < _NARROW else ""
+    return InputError(
         f"table: expected a plane with {config.table_share:.0%} of the points and {config.table_width:g} m wide, "
-        f"got at best {best[0]:.0%} and {best[1]:.2g} m, or one that is not level; {narrow}give table=[a,b,c,d], or "
+        f"got at best {share:.0%} and {width:.2g} m, or one that is not level; {narrow}give table=[a,b,c,d], or "
         "null if there is none"
     )
 

@@ -19,6 +19,7 @@ import joblib
 import numpy as np
 
 from spgf_torch.errors import IncompleteError, InputError
+from spgf_torch.extras import needed
 from spgf_torch.simulation.attempts import Case, Ended, try_chunk, try_in_cell
 from spgf_torch.simulation.worker_process import Cell
 
@@ -118,10 +119,9 @@ class Dask:
     """
 
     def __init__(self, address: str, limit: float | None = None) -> None:
-        try:
-            from distributed import Client
-        except ImportError:
-            raise InputError("runner: dask needs pip install 'spgf-torch[cluster]', got neither") from None
+        needed("runner: dask", "distributed")
+        from distributed import Client
+
         self.address, self.limit = address, limit
         try:
             self.client = Client(address, timeout=PATIENCE, set_as_default=False)

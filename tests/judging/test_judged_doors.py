@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.evaluate import _known, known_lines
 from spgf_torch.evaluate import run as evaluate
 from spgf_torch.experiment.config import EvaluateConfig
+from spgf_torch.extras import PACKAGES
 from spgf_torch.formats.grasps_json import read_grasps
 from spgf_torch.hands.records import Grasp
 from spgf_torch.predict import run as predict
@@ -288,3 +290,18 @@ def test_what_does_not_go_together_is_refused(
 def test_the_quick_judge_is_no_constant() -> None:
     said = quick_judge().probability(torch.rand(50, 31, generator=torch.Generator().manual_seed(1)), True)
     assert said.std() > 0.05
+
+
+def test_predict_gives_its_grasps_without_any_extra(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """All packages that extras bring are missing; what is left out is told."""
+    monkeypatch.chdir(place)
+    for package in PACKAGES:
+        monkeypatch.setitem(sys.modules, package, None)
+    Path("bare").mkdir()
+    predict(typed(PredictConfig, composed("predict", *DEPTH, "judge=judge", "N=5")), Path("bare"))
+    said = " ".join(capsys.readouterr().out.split())
+    assert "no page, for which plotly (pip install 'spgf-torch[report]') is needed" in said
+    assert len(read_grasps(Path("bare/grasps.json"))) >= 5
+    assert Path("bare/grasps.png").is_file() and not Path("bare/index.html").exists()

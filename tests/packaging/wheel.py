@@ -101,14 +101,14 @@ def same(what: str, found: set[str], expected: set[str]) -> None:
 
 
 def installed(home: Path, wheel: Path) -> Path:
-    """Python of a bare environment with the wheel and what it depends on; nothing of the extras."""
+    """Python of a bare environment with the wheel and what it depends on; nothing of the extras but two commands'."""
     python = environment(home / "bare environment")
-    step("install the wheel", python, "-m", "pip", "install", "--quiet", wheel, cwd=home)
+    step("install the wheel", python, "-m", "pip", "install", "--quiet", f"{wheel}[export,report]", cwd=home)
     step("pip check", python, "-m", "pip", "check", cwd=home)
     code = "import importlib.util as i, spgf_torch; print(spgf_torch.__file__, *[m for m in %r if i.find_spec(m)])"
-    said = step("where it is", python, "-c", code % (["roma", "webdataset", "pytest"],), cwd=home)
+    said = step("where it is", python, "-c", code % (["roma", "sklearn", "pytest"],), cwd=home)
     if not said.endswith("__init__.py"):
-        fail(f"environment: expected neither roma, webdataset nor pytest, got {said}")
+        fail(f"environment: expected neither roma, scikit-learn nor pytest, got {said}")
     return python
 
 

@@ -1,0 +1,63 @@
+"""Imports run one way, heavy packages stay in their rooms: the contracts in pyproject.toml, held by import-linter."""
+
+import ast
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+from doors import ROOT
+
+CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+# One a contract, and a room that may not have it.
+FORBIDDEN = {
+    "base": ("features/spgf.py", "import spgf_torch.reporting.config"),
+    "sapien": ("proposing/propose.py", "import sapien.physx"),
+    "lightning": ("prototypes/kmeans.py", "from lightning.pytorch import Trainer"),
+    "sklearn": ("judging/course.py", "import sklearn"),
+    "open3d": ("scene/files.py", "import open3d"),
+    "hydra": ("predictor.py", "from hydra import main"),
+}
+
+
+def lint(folder: Path) -> subprocess.CompletedProcess:
+    """What `make check` calls, for the package and the contracts in a folder."""
+    command = [Path(sys.executable).with_name("lint-imports"), "--no-cache", "--no-logo", folder / "pyproject.toml"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True)
+
+
+def test_the_contracts_hold() -> None:
+    done = lint(ROOT)
+    assert not done.returncode, done.stdout + done.stderr
+
+
+def test_each_contract_can_be_broken(tmp_path: Path) -> None:
+    assert set(FORBIDDEN) == {contract["id"] for contract in CONTRACTS}
+    shutil.copytree(ROOT / "spgf_torch", tmp_path / "spgf_torch", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    for place, line in FORBIDDEN.values():
+        with (tmp_path / "spgf_torch" / place).open("a") as file:
+            file.write(f"\n{line}\n")
+    done = lint(tmp_path)
+    words = " ".join(done.stdout.split())
+    assert done.returncode == 1, done.stdout + done.stderr
+    for contract in CONTRACTS:
+        assert f"{contract['name']} BROKEN" in words, contract["name"]
+
+
+def test_what_is_imported_is_there() -> None:
+    """Also within functions, which nobody may have called."""
+    missing = []
+    for path in sorted(path for room in ("spgf_torch", "tests") for path in (ROOT / room).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "spgf_torch":
+                place = ROOT.joinpath(*str(node.module).split("."))
+                if not place.is_dir() and not place.with_suffix(".py").is_file():
+                    missing.append(f"{path.relative_to(ROOT)}:{node.lineno}: {node.module}")
+                elif place.is_dir():
+                    known = {part.stem for part in place.iterdir()}
+                    own = (place / "__init__.py").read_text(encoding="utf-8")
+                    lost = [alias.name for alias in node.names if alias.name not in known and alias.name not in own]
+                    missing += [f"{path.relative_to(ROOT)}:{node.lineno}: {node.module}.{name}" for name in lost]
+    assert not missing, "\n".join(missing)
