@@ -34,7 +34,7 @@ def frames(count: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
 
 
 def main(run: str, count: int) -> None:
-    model = spgf_torch.load(run)
+    model = spgf_torch.load(run).ready()
     for points, T_world_camera in frames(count):
         start = time.perf_counter()
         try:

@@ -5,17 +5,37 @@ After Thomsen, Kraft, Krueger: A Semi-local Surface Feature for Learning Success
 
 from __future__ import annotations
 
+import gc
+import importlib
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from spgf_torch.errors import InputError
+    from spgf_torch.features.estimator import SPGF
+    from spgf_torch.hands.records import Grasp
     from spgf_torch.predictor import Predictor
+    from spgf_torch.prototypes.estimator import Prototypes
     from spgf_torch.scene.scene import Scene
+    from spgf_torch.sensing.texlets import Texlets
 
-__all__ = ["Scene", "__version__", "load"]
-__version__ = "0.1.0"
+__all__ = ["SPGF", "Grasp", "InputError", "Predictor", "Prototypes", "Scene", "Texlets", "__version__", "load"]
+__version__ = "0.1.0"  # pyproject.toml reads it here
+
+# Where each name is; it is imported when it is asked for, since most of them need torch.
+_HOMES = {
+    "SPGF": "spgf_torch.features.estimator",
+    "Grasp": "spgf_torch.hands.records",
+    "InputError": "spgf_torch.errors",
+    "Predictor": "spgf_torch.predictor",
+    "Prototypes": "spgf_torch.prototypes.estimator",
+    "Scene": "spgf_torch.scene.scene",
+    "Texlets": "spgf_torch.sensing.texlets",
+}
 
 # OpenMP threads that spin while they wait make torch many times slower as soon as another process needs the
 # core; these take effect only before torch is imported, and only where the user has not set them.
@@ -34,20 +54,56 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_alone)
 
 
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Without garbage collection, which looks at all of torch's objects again and again while modules are imported."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
 def load(folder: str | Path, device: str = "cpu", judge: str | Path | None = None) -> Predictor:
-    """What `train` or `judge` left in `folder`, ready to propose grasps (`spgf_torch.predictor`).
+    """Load what `train` or `judge` left in `folder`, and the hand that it was learned for.
 
     A judge in the folder proposes, and ranks by probability; so does one of the same hand in the folder `judge`. With
-    `judge="none"` the votes do, as they do where there is no judge.
-    """
-    from spgf_torch.predictor import Predictor
+    `judge="none"` the votes do, as they do where there is no judge. The first prediction takes seconds more than the
+    others; `load(folder).ready()` has that done now, such as before a robot's first cloud comes.
 
-    return Predictor.load(folder, device, judge=judge).ready()
+    Args:
+        folder: such as `outputs/train/latest`, or `data/judge/panda`, which comes with the package.
+        device: `cpu`, or an accelerator that torch knows, such as `cuda`.
+        judge: the folder of a judge, or `none`.
+
+    Raises:
+        InputError: there is no such model, it is damaged, or the judge is of another hand.
+
+    A ball of 3 cm radius, seen from all around:
+
+    >>> import spgf_torch, torch
+    >>> model = spgf_torch.load("data/judge/panda")
+    >>> outwards = torch.nn.functional.normalize(torch.randn(20000, 3, generator=torch.Generator().manual_seed(0)))
+    >>> scene = spgf_torch.Scene.from_points((0.03 * outwards).numpy(), normals=outwards.numpy())
+    >>> grasps = model.predict(scene, top=3)
+    >>> sorted({grasp.type for grasp in grasps}), grasps[0].T_input_tcp.shape
+    (['NPG', 'WPG'], (4, 4))
+    >>> bool(grasps[0].probability >= grasps[-1].probability > 0)
+    True
+    """
+    with _uncollected():
+        from spgf_torch.predictor import Predictor
+
+        return Predictor.load(folder, device, judge=judge)
 
 
 def __getattr__(name: str) -> object:
-    if name == "Scene":  # looked up when it is asked for: it needs torch
-        from spgf_torch.scene.scene import Scene
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)
 
-        return Scene
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

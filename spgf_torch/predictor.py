@@ -42,6 +42,8 @@ from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.sensing.unseen import DepthView
 from spgf_torch.settings import settings, typed
 
+__all__ = ["RETREAT", "Predictor", "block"]
+
 # m that the hand waits back from a grasp before it approaches: a finger's length of the SDH-2.
 RETREAT = 0.1
 

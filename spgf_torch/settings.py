@@ -113,7 +113,8 @@ def typed(kind: type[T], values: Any) -> T:
 
 def plain(config: Any) -> dict[str, Any]:
     """A settings dataclass as nested dicts and lists of plain Python values."""
-    return _plain(OmegaConf.structured(config))
+    values: dict[str, Any] = _plain(OmegaConf.structured(config))
+    return values
 
 
 def _python(value: Any) -> Any:

@@ -5,7 +5,18 @@ import sys
 from pathlib import Path
 
 import pytest
-from doors import python
+import torch
+from doors import ROOT, python
+
+from spgf_torch.affordance.calibration import uncalibrated
+from spgf_torch.affordance.config import AffordanceConfig
+from spgf_torch.affordance.model import GraspModel, lattice_of, save_model
+from spgf_torch.affordance.neighbourhood import Condensed
+from spgf_torch.features.config import FeatureConfig
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.prototypes.config import PrototypeConfig
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.settings import plain, settings
 
 HEAVY = ("sapien", "lightning", "hydra", "matplotlib", "pytorch_kinematics", "trimesh")
 LIGHT = (
@@ -32,6 +43,35 @@ def loaded(modules: tuple[str, ...], heavy: tuple[str, ...]) -> list[str]:
 
 def test_torch_only_rooms_load_nothing_heavy() -> None:
     assert not any(loaded(LIGHT, HEAVY))
+
+
+NOT_FOR_A_MODEL = ("sapien", "lightning", "hydra", "matplotlib", "h5py", "pyarrow", "plotly", "sklearn")
+LOAD = """
+import sys
+import spgf_torch
+
+for folder in {folders!r}:
+    spgf_torch.load(folder)
+print(*[m for m in {heavy!r} if m in sys.modules])
+"""
+
+
+def votes(folder: Path, K: int = 3) -> Path:
+    """A model of votes that has learned nothing."""
+    nothing, base_rate = torch.zeros(0), torch.tensor([0.1, 0.4])
+    condensed = Condensed(torch.zeros(2 * K + 1, dtype=torch.int64), nothing.int(), nothing, nothing, base_rate)
+    rooms = {"sensing": SensingConfig, "features": FeatureConfig, "prototypes": PrototypeConfig, "hand": HandConfig}
+    said = {name: plain(settings(kind)) for name, kind in (rooms | {"affordance": AffordanceConfig}).items()}
+    lattice = lattice_of(settings(AffordanceConfig))
+    save_model(GraspModel(torch.zeros(K, 144), condensed, lattice, uncalibrated(base_rate), said), folder)
+    return folder
+
+
+def test_models_are_loaded_without_what_only_learning_and_reports_need(tmp_path: Path) -> None:
+    judge = ROOT / "data/judge/panda"
+    folders = [str(folder) for folder in (votes(tmp_path), judge) if folder != judge or judge.is_dir()]
+    done = python("-c", LOAD.format(folders=folders, heavy=NOT_FOR_A_MODEL), cwd=tmp_path)
+    assert done.stdout == "\n", (done.stdout, done.stderr)
 
 
 def test_trial_tables_are_read_without_sapien() -> None:

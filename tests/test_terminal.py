@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 from doors import ROOT, python
 
+from spgf_torch import __version__
+
 TOY = """
 import sys, time
 from pathlib import Path
@@ -100,7 +102,7 @@ def test_the_commands_and_the_version(tmp_path: Path) -> None:
     listed = python("-m", "spgf_torch", cwd=tmp_path)
     assert listed.returncode == 0 and all(f"\n  {name}" in listed.stdout for name in ("predict", "train", "baseline"))
     for module in ("spgf_torch", "spgf_torch.predict"):
-        assert python("-m", module, "--version", cwd=tmp_path).stdout == "spgf_torch 0.1.0\n"
+        assert python("-m", module, "--version", cwd=tmp_path).stdout == f"spgf_torch {__version__}\n"
     wrong = python("-m", "spgf_torch", "predict", "input=x", cwd=tmp_path)
     assert wrong.returncode == 2 and "python -m spgf_torch.predict" in wrong.stderr
 

@@ -36,6 +36,8 @@ from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import typed
 
+__all__ = ["GraspModel", "learn", "load_model", "model_settings", "save_model", "vote"]
+
 FORMAT = "spgf_torch model"
 SCHEMA = 2
 DIGEST = "tensors_sha256"  # key in model.json: SHA-256 of model.safetensors
@@ -87,7 +89,8 @@ class GraspModel:
         if self.descriptor != "spgf":
             raise InputError(f"features.descriptor: expected spgf, whose prototypes are rings, got {self.descriptor}")
         centres = self.centres.cpu().double().numpy()
-        return np.degrees(centres.reshape(len(centres), 2, -1, 2))
+        rings: np.ndarray = np.degrees(centres.reshape(len(centres), 2, -1, 2))
+        return rings
 
 
 def kernel_of(config: AffordanceConfig) -> Kernel:
@@ -112,7 +115,23 @@ def learn(
 
 
 def vote(index: VotingIndex, pairs: CellPairs, ids: Tensor) -> Votes:
-    """Votes of an object's features, of prototypes `ids` (F,) int64, on its grasps."""
+    """Votes of an object's features, of prototypes `ids` (F,) int64, on its grasps.
+
+    A feature at the origin, for which a grasp 5 cm above held and one 5 cm beside did not, votes on both as it learned:
+
+    >>> import torch
+    >>> from spgf_torch.affordance.pairs import cell_pairs
+    >>> from spgf_torch.affordance.config import AffordanceConfig
+    >>> from spgf_torch.settings import settings
+    >>> config = settings(AffordanceConfig, min_support=0.1)
+    >>> feature, ids, grasps = torch.eye(4)[None], torch.tensor([0]), torch.eye(4).repeat(2, 1, 1)
+    >>> grasps[:, :3, 3] = torch.tensor([[0.0, 0.0, 0.05], [0.05, 0.0, 0.0]])
+    >>> pairs = cell_pairs(feature, grasps, torch.tensor([0, 0]), config)
+    >>> model = learn([(pairs, ids, torch.tensor([True, False]))], torch.zeros(1, 144), config)
+    >>> votes = vote(VotingIndex(model.condensed, model.lattice), pairs, ids)
+    >>> votes.grasp, votes.probability
+    (tensor([0, 1]), tensor([1., 0.]))
+    """
     return cast_votes(index, points_of(pairs, ids), pairs.grasp)
 
 
@@ -207,19 +226,26 @@ def _check_values(path: Path, tensors: dict[str, Tensor], lattice: Lattice) -> N
     for name in _TENSORS:
         values = tensors[name]
         low, high = _LOWEST.get(name, -math.inf), _HIGHEST.get(name, math.inf)
-        if not bool(values.isfinite().all()) or (values.numel() and not low <= values.min() <= values.max() <= high):
+        if values.numel() and not _finite_within(low, high, values):
             raise InputError(f"{path}: expected {name} finite and from {low:g} to {high:g}, got other numbers")
+
+
+def _finite_within(low: float, high: float, values: Tensor) -> bool:
+    """Whether all values are finite and from low to high, in one pass: NaN anywhere makes both extremes NaN."""
+    least, most = (float(extreme) for extreme in torch.aminmax(values))
+    return math.isfinite(least) and math.isfinite(most) and low <= least and most <= high
 
 
 def model_settings(folder: Path) -> dict[str, Any]:
     """The settings of the model in `folder`, checked as `load_model` does, without its tensors."""
-    return _read_json(folder / "model.json")["settings"]
+    told: dict[str, Any] = _read_json(folder / "model.json")["settings"]
+    return told
 
 
 def _read_json(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"{path}: expected a model that train left (make train), found no such file")
-    document = json_values(path, "a model's JSON", sealed=True)
+    document: dict[str, Any] = json_values(path, "a model's JSON", sealed=True)
     found = (document.get("format"), document.get("schema")) if isinstance(document, dict) else type(document).__name__
     if found != (FORMAT, SCHEMA):
         raise InputError(f"{path}: expected format {FORMAT!r}, schema {SCHEMA}; got {found}")

@@ -87,4 +87,4 @@ def left_product(quaternion: Tensor) -> Tensor:
     """The matrices (..., 4, 4) with left_product(a) @ b = a * b (Hamilton), for quaternions (..., 4) wxyz."""
     w, x, y, z = quaternion.unbind(-1)
     rows = [w, -x, -y, -z, x, w, -z, y, y, z, w, -x, z, -y, x, w]
-    return torch.stack(rows, dim=-1).unflatten(-1, (4, 4))
+    return torch.stack(rows, dim=-1).reshape(*w.shape, 4, 4)

@@ -21,6 +21,8 @@ from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.ops.accumulate_votes import Candidates, Voters, accumulate_votes
 from spgf_torch.ops.look_up import NO_POINT, Table, look_up
 
+__all__ = ["Votes", "VotingIndex", "cast_votes"]
+
 
 @dataclass(frozen=True)
 class Votes:

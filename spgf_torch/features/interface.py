@@ -7,6 +7,8 @@ from typing import Protocol
 
 from torch import Tensor
 
+__all__ = ["LocalFeatures", "VectorFeatures"]
+
 
 class LocalFeatures(Protocol):
     """N local features of a surface. `spgf.Features` are some; `VectorFeatures` will do for any other."""
@@ -25,7 +27,13 @@ class LocalFeatures(Protocol):
 
 @dataclass(frozen=True)
 class VectorFeatures:
-    """Features with the vectors (N, D) float32 as their relations; `LocalFeatures` has the other shapes and frames."""
+    """Features with the vectors (N, D) float32 as their relations; `LocalFeatures` has the other shapes and frames.
+
+    >>> import torch
+    >>> own = VectorFeatures(torch.eye(4).repeat(5, 1, 1), torch.rand(5, 33), torch.ones(5, dtype=torch.bool))
+    >>> len(own), own.relations().shape
+    (5, torch.Size([5, 33]))
+    """
 
     T_object_feature: Tensor
     vectors: Tensor

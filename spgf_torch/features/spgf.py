@@ -12,6 +12,8 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.ops.describe import describe
 from spgf_torch.ops.grid import Ring
 
+__all__ = ["Features", "spgf"]
+
 
 @dataclass(frozen=True)
 class Features:

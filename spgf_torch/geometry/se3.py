@@ -7,6 +7,19 @@ import math
 import torch
 from torch import Tensor
 
+__all__ = [
+    "from_rotation",
+    "inverse",
+    "pose",
+    "position_of",
+    "quaternion_of",
+    "random_poses",
+    "relative_angle",
+    "rotation_about",
+    "rotation_of",
+    "transform_points",
+]
+
 
 def pose(position: Tensor, quaternion: Tensor) -> Tensor:
     """T (..., 4, 4) from a position (..., 3) in metres and a quaternion (..., 4) wxyz of any length but zero."""
@@ -15,7 +28,7 @@ def pose(position: Tensor, quaternion: Tensor) -> Tensor:
 
 def from_rotation(rotation: Tensor, position: Tensor) -> Tensor:
     """T (..., 4, 4) from a rotation matrix (..., 3, 3) and a position (..., 3); leading dimensions broadcast."""
-    batch = torch.broadcast_shapes(rotation.shape[:-2], position.shape[:-1])
+    batch = torch.broadcast_tensors(rotation[..., 0], position)[0].shape[:-1]  # `broadcast_shapes` imports sympy
     T = position.new_zeros((*batch, 4, 4))
     T[..., :3, :3] = rotation
     T[..., :3, 3] = position
@@ -34,19 +47,35 @@ def rotation_of(T: Tensor) -> Tensor:
 
 
 def quaternion_of(T: Tensor) -> Tensor:
-    """The rotation of T as a unit quaternion (..., 4) wxyz with w >= 0."""
+    """The rotation of T as a unit quaternion (..., 4) wxyz with w >= 0.
+
+    >>> quaternion_of(torch.eye(4))
+    tensor([1., 0., 0., 0.])
+    """
     wxyz = _to_quaternion(rotation_of(T))
     return torch.where(wxyz[..., :1] < 0, -wxyz, wxyz)
 
 
 def inverse(T: Tensor) -> Tensor:
-    """T_b_a (..., 4, 4) from T_a_b: the transpose of the rotation, no solve."""
+    """T_b_a (..., 4, 4) from T_a_b: the transpose of the rotation, no solve.
+
+    >>> T = pose(torch.tensor([1.0, 2.0, 3.0]), torch.tensor([1.0, 0.0, 0.0, 0.0]))
+    >>> position_of(inverse(T))
+    tensor([-1., -2., -3.])
+    """
     transposed = rotation_of(T).mT
     return from_rotation(transposed, -(transposed @ T[..., :3, 3:]).squeeze(-1))
 
 
 def transform_points(T: Tensor, points: Tensor) -> Tensor:
-    """p_a (..., N, 3) = T_a_b (..., 4, 4) applied to each of p_b (..., N, 3); leading dimensions broadcast."""
+    """p_a (..., N, 3) = T_a_b (..., 4, 4) applied to each of p_b (..., N, 3); leading dimensions broadcast.
+
+    A quarter turn about z, then 1 m along x:
+
+    >>> T = pose(torch.tensor([1.0, 0.0, 0.0]), torch.tensor([1.0, 0.0, 0.0, 1.0]))
+    >>> transform_points(T, torch.tensor([[1.0, 0.0, 0.0]])).round(decimals=3)
+    tensor([[1., 1., 0.]])
+    """
     return points @ rotation_of(T).mT + position_of(T).unsqueeze(-2)
 
 
@@ -54,6 +83,10 @@ def relative_angle(T_a: Tensor, T_b: Tensor) -> Tensor:
     """The angle (...) in [0, pi] between the rotations of two poses.
 
     From the chord |R_a - R_b| = 2 sqrt(2) sin(angle / 2): exact near 0, about 1e-3 rad near pi in float32.
+
+    >>> turned = from_rotation(rotation_about(torch.tensor([0.0, 0.0, 0.5])), torch.zeros(3))
+    >>> round(relative_angle(torch.eye(4), turned).item(), 3)
+    0.5
     """
     chord = torch.linalg.matrix_norm(rotation_of(T_b) - rotation_of(T_a))
     return 2 * torch.asin((chord * (1 / (2 * math.sqrt(2)))).clamp_max(1))
@@ -70,7 +103,11 @@ def random_poses(n: int, generator: torch.Generator | None = None, extent: float
 
 
 def rotation_about(vector: Tensor) -> Tensor:
-    """The rotation matrix (..., 3, 3) about a vector (..., 3) by its length in rad."""
+    """The rotation matrix (..., 3, 3) about a vector (..., 3) by its length in rad.
+
+    >>> rotation_about(torch.tensor([0.0, 0.0, torch.pi / 2])).round(decimals=3)[0]
+    tensor([ 0., -1.,  0.])
+    """
     angle = vector.norm(dim=-1)
     x, y, z = (vector / angle.clamp_min(1e-12)[..., None]).unbind(-1)
     sin, rest = angle.sin(), 1 - angle.cos()
@@ -108,4 +145,5 @@ def _to_quaternion(R: Tensor) -> Tensor:
     candidates = torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
     largest = candidates.diagonal(dim1=-2, dim2=-1).argmax(dim=-1)
     chosen = candidates.gather(-2, largest[..., None, None].expand(*largest.shape, 1, 4)).squeeze(-2)
-    return (chosen / chosen.norm(dim=-1, keepdim=True)).roll(1, dims=-1)
+    xyzw: Tensor = chosen / chosen.norm(dim=-1, keepdim=True)
+    return xyzw.roll(1, dims=-1)

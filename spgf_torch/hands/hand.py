@@ -19,6 +19,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import QhullError
 
+from spgf_torch.deferred import deferred
 from spgf_torch.errors import InputError
 from spgf_torch.files.mesh_files import mesh_arrays
 from spgf_torch.files.reading import LARGEST_XML, unreadable, xml_root
@@ -105,8 +106,10 @@ class Kinematics:
     """Forward kinematics of a hand (pytorch-kinematics) and what follows from it."""
 
     def __init__(self, path: Path, urdf: bytes, config: HandConfig) -> None:
-        import pytorch_kinematics as pk  # 4 s to import, and only needed where a hand is loaded
         import torch
+
+        with deferred("matplotlib", "pyplot", "cm"):  # a second of import, for plots of inverse kinematics
+            import pytorch_kinematics as pk
 
         xml_root(urdf, path, "a URDF of a hand")
         try:

@@ -17,6 +17,8 @@ from spgf_torch.hands.hand import Hand, Kinematics
 if TYPE_CHECKING:
     from spgf_torch.proposing.weighing import Numbers
 
+__all__ = ["Grasp", "Gripper", "gripper_for", "grippers_of", "make_grasp"]
+
 
 @dataclass(frozen=True)
 class Gripper:

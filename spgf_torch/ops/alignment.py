@@ -126,7 +126,7 @@ def _run_lengths(tied: np.ndarray, length: np.ndarray) -> None:
 def _widest_run(length: np.ndarray, ring: np.ndarray, nearer: np.ndarray) -> int:
     """The centre of the widest run; of equal ones that of the highest content, of these the first."""
     cells = len(length)
-    widest = length.max()
+    widest = int(length.max())
     centre, highest = -1, -math.inf
     for look in range(2):  # only when the highest is known the first within TIE of it can be taken
         for first in range(cells):

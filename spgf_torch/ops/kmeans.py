@@ -93,7 +93,8 @@ def relative_distances(points: Tensor, centres: Tensor) -> Tensor:
 
 def chunks(rows: Tensor, num_clusters: int) -> tuple[Tensor, ...]:
     """The rows in parts (one empty part of no rows) whose distances to the centres fit in `CHUNK`."""
-    return rows.split(max(1, CHUNK // num_clusters))
+    parts: tuple[Tensor, ...] = rows.split(max(1, CHUNK // num_clusters))
+    return parts
 
 
 def flat(points: Tensor) -> tuple[Floats, int]:

@@ -69,7 +69,8 @@ class Operator(Generic[P, R]):
         OPERATORS[self.name] = self
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
-        return self.overload(*args, **kwargs)
+        result: R = self.overload(*args, **kwargs)
+        return result
 
     def on_cpu(self, in_loops: Callable[P, R]) -> Callable[P, R]:
         """Use compiled loops for CPU tensors."""

@@ -159,7 +159,8 @@ def _check(points: Tensor) -> None:
 def _compact_in_torch(cube: Tensor) -> Tensor:
     """`_compact` by torch's operations."""
     values, place = torch.unique(cube, return_inverse=True)
-    return values.diff(prepend=values[:1]).clamp(max=2).cumsum(0)[place]
+    compact: Tensor = values.diff(prepend=values[:1]).clamp(max=2).cumsum(0)[place]
+    return compact
 
 
 def _cubes(xyz: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -12,19 +12,17 @@ import logging
 import pickle
 import sys
 import warnings
-from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
-import numpy as np
 import torch
+from lightning.fabric.plugins.environments import LightningEnvironment
 from lightning.pytorch import LightningModule, Trainer
-from lightning.pytorch.plugins.environments import LightningEnvironment
 from torch import Tensor
 
-from spgf_torch.errors import InputError
+from spgf_torch.prototypes.batches import MiniBatches, check_relations
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import canonical_order, lloyd, minibatch_step
 from spgf_torch.prototypes.search import initial_centres
@@ -39,25 +37,6 @@ EXPECTED_WARNINGS = (
     "`training_step` returned `None`",
     r"`isinstance\(treespec, LeafSpec\)` is deprecated",
 )
-
-
-class MiniBatches:
-    """relations (L, D) in batches of every n-th of them: each has something of every object, and nothing is copied.
-
-    The order of an epoch depends on seed and epoch alone: resumable. A plain iterable: a DataLoader would only add its
-    collation, and a warning on machines with many cores.
-    """
-
-    def __init__(self, relations: Tensor, batch_size: int, seed: int, epoch: int) -> None:
-        self.relations, self.batch_size, self.stream = relations, batch_size, (seed, epoch)
-
-    def __len__(self) -> int:
-        return -(-len(self.relations) // self.batch_size)
-
-    def __iter__(self) -> Iterator[Tensor]:
-        generator = torch.Generator().manual_seed(int(np.random.SeedSequence(self.stream).generate_state(1)[0]))
-        count = len(self)
-        return (self.relations[first::count] for first in torch.randperm(count, generator=generator).tolist())
 
 
 class MiniBatchKMeans(LightningModule):
@@ -117,7 +96,7 @@ def fit_prototypes(
     Raises InputError where relations are not finite numbers of shape (L, D) or fewer than K of them differ.
     """
     device, relations = relations.device, relations.float().cpu().contiguous()
-    _check(relations, config.num_clusters)
+    check_relations(relations, config.num_clusters)
     checkpoint = None if folder is None else folder / CHECKPOINT
     origin = "" if folder is None else _origin(relations, config, seed)
     module = MiniBatchKMeans(relations, config, seed, checkpoint, origin)
@@ -190,20 +169,3 @@ def _resumable(checkpoint: Path | None, origin: str) -> Path | None:
     except (pickle.UnpicklingError, EOFError, RuntimeError):
         return None
     return checkpoint if isinstance(found, dict) and found.get("origin") == origin else None
-
-
-def _check(relations: Tensor, num_clusters: int) -> None:
-    if relations.ndim != 2:
-        raise InputError(f"relations: expected shape (L, D), got {tuple(relations.shape)}")
-    if not relations.sum().isfinite():  # one pass, where all is well; a sum can also be too large for float32
-        bad = torch.nonzero(~relations.isfinite().all(1)).flatten()
-        if len(bad) > 0:
-            raise InputError(
-                f"relations: expected finite numbers, got others in {len(bad)} rows, first in {int(bad[0])}"
-            )
-    distinct: set[bytes] = set()
-    for row in relations.numpy():
-        distinct.add((row + 0).tobytes())  # + 0: a zero with a sign is the same zero
-        if len(distinct) == num_clusters:
-            return
-    raise InputError(f"prototypes: expected at least K = {num_clusters} features that differ, got {len(distinct)}")

@@ -127,7 +127,8 @@ def _added(summary: Summary, settled: Settled, count: int, generator: torch.Gene
     D = settled.centres.shape[1]
     deviation = np.sqrt(errors[worst] / (np.maximum(sizes[worst], 1) * D))
     noise = torch.randn(count, D, generator=generator).numpy()
-    return (settled.centres[worst] + 0.5 * deviation[:, None] * noise).astype(np.float32)
+    added: Floats = (settled.centres[worst] + 0.5 * deviation[:, None] * noise).astype(np.float32)
+    return added
 
 
 def _kept(summary: Summary, settled: Settled, dropped: int) -> NDArray[np.bool_]:

@@ -26,6 +26,8 @@ from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.sensing.unseen import DepthView
 from spgf_torch.settings import settings
 
+__all__ = ["Scene"]
+
 # Draws the order of texlets and the planes that are tried, where no generator is given.
 _SEED = 0
 
@@ -107,6 +109,19 @@ class Scene:
 
         Raises:
             InputError, in one line, for whatever cannot be used.
+
+        A ball of 3 cm radius on a table:
+
+        >>> import torch
+        >>> from spgf_torch import Scene
+        >>> draws = torch.randn(20000, 3, generator=torch.Generator().manual_seed(0))
+        >>> outwards = torch.nn.functional.normalize(draws).numpy()
+        >>> points = 0.03 * outwards + [0.0, 0.0, 0.03]
+        >>> scene = Scene.from_points(points, normals=outwards, table=[0.0, 0.0, 1.0, 0.0])
+        >>> scene.targets, len(scene.obstacles)
+        ((1,), 0)
+        >>> round(scene.texlets.positions.mean(0)[2].item(), 2)  # m above the table
+        0.03
         """
         from spgf_torch.scene.arrays import clouds_of_arrays
         from spgf_torch.scene.assembly import scene_of_clouds

@@ -14,6 +14,8 @@ from spgf_torch.sensing.cameras import Camera
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.planes import surface_points
 
+__all__ = ["Texlets", "extract", "thin"]
+
 
 @dataclass(frozen=True)
 class Texlets:
