@@ -77,6 +77,8 @@ def _values(path: str) -> dict[str, Any]:
 
 def _given(kind: Any, values: Any, prefix: str) -> None:
     """InputError for the first required field of a dataclass that `values` lack, here or further in."""
+    if is_dataclass(values):  # an instance: its fields are set
+        return
     types = get_type_hints(kind)
     for entry in fields(kind):
         name, of = prefix + entry.name, types[entry.name]

@@ -75,7 +75,7 @@ def test_models_are_loaded_without_what_only_learning_and_reports_need(tmp_path:
 
 
 def test_trial_tables_are_read_without_sapien() -> None:
-    assert not any(loaded(("trials.table", "trials.runner", "experiment.tried"), ("sapien",)))
+    assert not any(loaded(("simulation.table", "simulation.execute", "experiment.labelled_grasps"), ("sapien",)))
 
 
 NOT_YET = (

@@ -126,6 +126,8 @@ def closing_region(volume: HandVolume) -> ClosingRegion:
             if (planes[:, :3] @ just_inside <= planes[:, 3]).all():
                 slab = np.array([[side, 0, 0, half + _SKIN], [-side, 0, 0, -half]])
                 faces.append(corners_of(np.concatenate([planes, slab])))
+    if not faces:
+        raise InputError("hand: expected a piece of the open hand on the closing axis, got none")
     return ClosingRegion(
         half,
         float(min(np.abs(face[:, 1]).max() for face in faces)),

@@ -198,7 +198,8 @@ class Proposer:
         T, grasp_type = self.shortlist.hypotheses(proposing.T_object_feature, proposing.prototype)
         possible = self.above(T, grasp_type, around).nonzero()[:, 0]
         at = T[possible], grasp_type[possible]
-        possible = possible[clear_of_borders(around.borders, *at, self.regions)]
+        if around.borders is not None:
+            possible = possible[clear_of_borders(around.borders, *at, self.regions)]
         sparse = around.sparse(config.coarse_cell)
         possible = possible[self.clearance.free_of_points(sparse, T[possible], grasp_type[possible])]
         T, grasp_type = T[possible], grasp_type[possible]
