@@ -162,6 +162,8 @@ def _read(path: Path) -> OwnTrials:
     content = parquet_table(path, WHAT, (*COLUMNS, *WHOLE, "probability"), MOST_ROWS)
     try:
         own = _decoded(path, content)
+    except InputError:
+        raise
     except (KeyError, TypeError, ValueError, AttributeError, pa.ArrowException) as error:
         raise unreadable(path, f"the columns of {WHAT}", error, "others") from error
     check_poses(path, own.position, own.quaternion)

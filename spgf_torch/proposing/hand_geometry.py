@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.sensed_collision import HandVolume
+from spgf_torch.errors import InputError
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.proposing.clearance import corners_of, half_opening
 from spgf_torch.proposing.config import HypothesesConfig
