@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
-.PHONY: train test quick check bench fuzz trials judges wheel clean
+.PHONY: train test quick check docs bench fuzz trials judges wheel clean
 train: $(READY)
 	$(BIN)/python -m spgf_torch.train +K=20
 
@@ -57,3 +57,7 @@ FUZZ_SECONDS ?= 300
 fuzz: $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[fuzz]'
 	$(BIN)/python tests/fuzz/readers.py $(FUZZ_SECONDS)
+
+# The documentation, in outputs/docs/index.html: no network is needed, warnings are errors.
+docs: $(READY)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --clean

@@ -23,8 +23,8 @@ class CellPairs:
     """Feature-grasp pairs of one object, with the lattice cell of each: free of K, so computed once.
 
     Attributes:
-        feature (P,) int32, grasp (P,) int32, cell (P,) int32.
-        grasp_type (G,) int64 of the object's grasps.
+        feature, grasp, cell: (P,) int32, of each pair.
+        grasp_type: (G,) int64, of the object's grasps.
     """
 
     feature: Tensor

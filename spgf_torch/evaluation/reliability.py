@@ -15,8 +15,8 @@ class Reliability:
     """A reliability diagram of B bins of equal width over [0, 1].
 
     Attributes:
-        predicted (B,), observed (B,) float: mean probability, and share of successes; NaN in empty bins.
-        count (B,) int.
+        predicted, observed: (B,) float, mean probability, and share of successes; NaN in empty bins.
+        count: (B,) int, of each bin.
     """
 
     predicted: np.ndarray

@@ -25,7 +25,8 @@ def top_n(score: np.ndarray, success: np.ndarray, grasp_type: np.ndarray, n: int
     Of fewer than n grasps the share is that of all of them; of none it is 0.
 
     Args:
-        score (G,) float, higher is better; ties go to the earlier grasp. success (G,) bool, grasp_type (G,) int.
+        score: (G,) float, higher is better; ties go to the earlier grasp.
+        success: (G,) bool. grasp_type: (G,) int.
     """
     rates = {}
     for name in TYPES:

@@ -43,8 +43,8 @@ class Grasps:
     """Candidate grasps on one object.
 
     Attributes:
-        T_object_tcp (G, 4, 4) f32.
-        grasp_type (G,) int64: index into `config.GRASP_TYPES`.
+        T_object_tcp: (G, 4, 4) f32, m.
+        grasp_type: (G,) int64, index into `config.GRASP_TYPES`.
     """
 
     T_object_tcp: Tensor

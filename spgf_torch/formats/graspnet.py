@@ -4,7 +4,7 @@ Columns: score, width, height, depth, rotation row by row (9), translation (3), 
 format is the input's frame. Its gripper's axes are x approach, y closing, z = x cross y, where tcp has z, x and y; its
 origin lies `depth` behind the fingertips. Depth is here what the fingertips reach beyond the TCP, so the translation
 is the TCP's own: drive the point between the pads there. (With the base on the approach axis and the fingertips at
-tip_z = z of the TCP + depth, it is t_base + (tip_z - depth) z of design/EXPORTS.md.)
+tip_z = z of the TCP + depth, it is t_base + (tip_z - depth) z of docs/design/exports.md.)
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ COLUMNS = 17
 MOST_ROWS = 1_000_000
 NO_OBJECT = -1  # graspnetAPI's own default of an object id
 SCHEMA = 1
-# Columns: graspnetAPI's axes in our gripper's frame (EXPORTS.md): approach (0, 0, 1), closing (1, 0, 0), (0, 1, 0).
+# Columns: graspnetAPI's axes in our gripper's frame: approach (0, 0, 1), closing (1, 0, 0), (0, 1, 0); see
+# docs/design/exports.md.
 TURN = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 
 

@@ -34,9 +34,9 @@ def write_graspnet_set(folder: Path, trials: TrialSet, advance: Callable[[int], 
 def graspnet_rows(gripper: Gripper, grasps: Grasps, object_id: int) -> np.ndarray:
     """(N, 17): score, width, height, depth, rotation row by row, translation, object id.
 
-    From ACRONYM's frame R_gn = R TURN and t_gn = t + (tip_z - depth) z (design/EXPORTS.md). With our depth, what the
-    fingertips reach beyond the TCP, tip_z - depth is the TCP's own z; a TCP beside the axis of the base is met by its x
-    and y as well, so that the translation is always the point between the pads.
+    From ACRONYM's frame R_gn = R TURN and t_gn = t + (tip_z - depth) z (docs/design/exports.md). With our depth, what
+    the fingertips reach beyond the TCP, tip_z - depth is the TCP's own z; a TCP beside the axis of the base is met by
+    its x and y as well, so that the translation is always the point between the pads.
     """
     T_gripper_tcp = np.linalg.inv(gripper_frame(gripper))
     T = grasps.T_object_gripper @ T_gripper_tcp

@@ -21,7 +21,7 @@ from spgf_torch.compiled import compiled
 NOWHERE = 1e-7
 
 # rad; a neighbour this close to the centre's normal has no alpha3, and a normal this close to perpendicular counts as
-# perpendicular (top layer, alpha2 = pi/2): both would otherwise be decided by rounding (FEATURES.md).
+# perpendicular (top layer, alpha2 = pi/2): both would otherwise be decided by rounding (docs/design/features.md).
 SINGULAR = 1e-3
 
 

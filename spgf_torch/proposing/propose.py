@@ -53,13 +53,13 @@ class Proposals:
     """Grasps in the frame of the texlets, the best first, both types in one ranking.
 
     Attributes:
-        T_object_tcp (G, 4, 4) f32.
-        grasp_type (G,) int64: index into `config.GRASP_TYPES`.
-        probability (G,) f32: calibrated, that the grasp succeeds.
-        score (G,) f32: mean log-odds gain of the votes, drawn towards 0 by `proposing.vote_shrinkage` votes.
-        support (G,) int64: votes.
+        T_object_tcp: (G, 4, 4) f32, m.
+        grasp_type: (G,) int64, index into `config.GRASP_TYPES`.
+        probability: (G,) f32, calibrated, that the grasp succeeds.
+        score: (G,) f32, mean log-odds gain of the votes, drawn towards 0 by `proposing.vote_shrinkage` votes.
+        support: (G,) int64, votes.
         voted_by: of each grasp (prototype, votes), most votes first.
-        judged (G, 2) f64: of a judge P(free) and P(holds | free); None where the votes ranked.
+        judged: (G, 2) f64, of a judge P(free) and P(holds | free); None where the votes ranked.
         numbers: what the judge knew of each; () where the votes ranked.
     """
 

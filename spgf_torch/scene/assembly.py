@@ -45,7 +45,7 @@ def read_scene(config: SceneConfig, sensing: SensingConfig, generator: np.random
         generator: source of all randomness.
 
     Raises:
-        InputError, which names the file or setting, for whatever cannot be used.
+        InputError: which names the file or setting, for whatever cannot be used.
     """
     if not config.input:
         raise InputError("input: expected a point cloud, depth image or mesh (input=FILE), got none")

@@ -108,7 +108,7 @@ class Scene:
             changes: settings of conf/scene, such as table="find", crop_low, gravity.
 
         Raises:
-            InputError, in one line, for whatever cannot be used.
+            InputError: in one line, for whatever cannot be used.
 
         A ball of 3 cm radius on a table:
 
@@ -152,7 +152,7 @@ class Scene:
             sensing, changes: see `from_points`.
 
         Raises:
-            InputError, in one line, for whatever cannot be used.
+            InputError: in one line, for whatever cannot be used.
         """
         from spgf_torch.scene.arrays import views_of_arrays
         from spgf_torch.scene.assembly import scene_of_views
@@ -171,7 +171,7 @@ class Scene:
             sensing, changes: see `from_points`; all settings of conf/scene.
 
         Raises:
-            InputError, in one line that names the file, for whatever cannot be used.
+            InputError: in one line that names the file, for whatever cannot be used.
         """
         from spgf_torch.scene.assembly import read_scene
 

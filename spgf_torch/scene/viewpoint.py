@@ -65,7 +65,7 @@ def with_viewpoint(cloud: Cloud, raw: Cloud, config: SceneConfig, notes: list[st
         raw: the same before, with the pixels of its points.
 
     Raises:
-        InputError, which names viewpoints=, where none of these tells it.
+        InputError: which names viewpoints=, where none of these tells it.
     """
     if cloud.normals is not None or cloud.viewpoints is not None:
         return cloud

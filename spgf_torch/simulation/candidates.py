@@ -1,4 +1,4 @@
-"""Candidate grasps on an object's surface (design/SIMULATION.md, Candidates): no filter, no knowledge of success."""
+"""Candidate grasps on an object's surface (docs/design/simulation.md): no filter, no knowledge of success."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from spgf_torch.settings import bounded, choice, defaults_from, text
 @dataclass
 @defaults_from("sampler/surface_pairs.yaml")
 class SamplerConfig:
-    """Candidate grasps on an object's surface (SIMULATION.md, Candidates)."""
+    """Candidate grasps on an object's surface (docs/design/simulation.md)."""
 
     jitter_deg: float = bounded(0.0, 90.0)
     jitter: float = bounded(0.0, 0.1)
@@ -20,7 +20,7 @@ class SamplerConfig:
 @dataclass
 @defaults_from("episode/pinch.yaml")
 class EpisodeConfig:
-    """One simulated grasp: solver, phases, success rule (SIMULATION.md)."""
+    """One simulated grasp: solver, phases, success rule (docs/design/simulation.md)."""
 
     dt: float = bounded(1e-5, 0.02)
     position_iterations: int = bounded(1, 255)

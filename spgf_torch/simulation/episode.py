@@ -1,4 +1,4 @@
-"""One grasp trial in SAPIEN (design/SIMULATION.md, Hand and Sanity set). The only importer of sapien.
+"""One grasp trial in SAPIEN (docs/design/simulation.md). The only importer of sapien.
 
 The hand's base stands still in the object's frame (z up) and the object floats between the fingers; gravity and the
 accelerations of lifting and shaking act on the object as forces, which is the same physics in the hand's frame.

@@ -244,8 +244,8 @@ def test_isaac(trials: TrialSet, tmp_path: Path) -> None:
 def test_graspnet(trials: TrialSet, tmp_path: Path) -> None:
     """x is the approach (s, 0, c), y the closing (0, 1, 0), z = x cross y = (-c, 0, s), as columns; t is the TCP.
 
-    EXPORTS.md's t + (tip_z - depth) z, where the base stands on the approach axis: tip_z = 0.2 + 0.015, so 0.2 z more
-    than the base. This base stands 0.02 beside it along tcp's y = (-c, 0, s), hence 0.02 (c, 0, -s) more:
+    docs/design/exports.md's t + (tip_z - depth) z, where the base stands on the approach axis: tip_z = 0.2 + 0.015,
+    so 0.2 z more than the base. This base stands 0.02 beside it along tcp's y = (-c, 0, s), hence 0.02 (c, 0, -s) more:
     (-0.0173205 + 0.1 + 0.0173205, 0.2, 0.1367949 + 0.1732051 - 0.01) = (0.1, 0.2, 0.3).
     """
     write_graspnet_set(tmp_path / "graspnet", trials, nothing)

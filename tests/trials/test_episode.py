@@ -1,4 +1,4 @@
-"""One trial in SAPIEN: the sanity set that any change must keep (design/SIMULATION.md), and exact repetition."""
+"""One trial in SAPIEN: the sanity set that any change must keep (docs/design/simulation.md), and exact repetition."""
 
 import pickle
 import shutil

@@ -35,7 +35,7 @@ def test_preshape_and_tcp_follow_from_the_opening(hand, kind, q1):
 
 
 def test_pads_meet_where_the_paper_hand_closes(hand):
-    """The opening is 0 at sin q1 = 0.0364 / 0.173, q1 = 0.212 (design/SIMULATION.md); positive values close."""
+    """The opening is 0 at sin q1 = 0.0364 / 0.173, q1 = 0.212 (docs/design/simulation.md); positive values close."""
     assert math.asin(0.0364 / 0.173) == pytest.approx(0.212, abs=1e-3)
     assert hand.closing == 1.0
 

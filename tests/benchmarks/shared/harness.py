@@ -40,7 +40,7 @@ class Report:
     Attributes:
         name: of the file of results.
         about: what was measured on what, in a sentence or two.
-        figures: what the README shows: figure, asked, measured in words.
+        figures: what docs/benchmarks.md shows: figure, asked, measured in words.
         rows: every measurement, as plain values.
         skipped: what was not measured, and why.
     """

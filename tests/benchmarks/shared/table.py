@@ -1,4 +1,4 @@
-"""The figures of all benchmarks as a Markdown table for the README: python tests/benchmarks/shared/table.py"""
+"""The figures of all benchmarks as a Markdown table for docs/benchmarks.md: python tests/benchmarks/shared/table.py"""
 
 import json
 from pathlib import Path

@@ -1,0 +1,201 @@
+"""One page a command, made from its settings: every key with its default, its range and the reason beside it in conf/.
+
+The YAML files in conf/ hold defaults and reasons (their comments); the dataclasses hold types, ranges and choices.
+Nothing is written twice, so the pages cannot differ from what the command does.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import runpy
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+from unittest.mock import patch
+
+import yaml
+
+from spgf_torch.__main__ import COMMANDS
+from spgf_torch.cli.command_line import ALIASES
+from spgf_torch.cli.door import door as cli
+
+CONF = Path(__file__).parents[2] / "conf"
+_KEY = re.compile(r"^(?P<indent> *)(?P<key>[\w.]+):(?P<rest>.*)$")
+_HIDDEN = {"defaults", "hydra"}
+_LONGEST = 60  # characters of a default that a table shows
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of a YAML file: dotted name, default as YAML has it (None of a mapping), and the comment beside it."""
+
+    name: str
+    default: str | None
+    reason: str
+
+
+@dataclass(frozen=True)
+class SettingsFile:
+    """A YAML file of settings: what its first comment says, the groups that it composes, and its keys."""
+
+    about: str
+    groups: dict[str, str]
+    keys: list[Key]
+
+
+@cache
+def kind_of(command: str) -> type:
+    """The dataclass of a command's settings: what its module hands to `cli.door`."""
+    found: list[type] = []
+    module = importlib.util.find_spec(f"spgf_torch.{command}")
+    assert module is not None and module.origin is not None
+    with patch.object(cli, "door", lambda command, kind, run: found.append(kind)):
+        runpy.run_path(module.origin, run_name="__main__")
+    return found[0]
+
+
+def read_settings(path: Path) -> SettingsFile:
+    """Keys, defaults and reasons of a file of conf/; a comment that goes on in the next line belongs to its key."""
+    head: list[str] = []
+    keys: list[Key] = []
+    stack: list[tuple[int, str]] = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        found = _KEY.match(line)
+        if found is None:
+            words = line.strip().removeprefix("#").strip()
+            if line.strip().startswith("#") and not words.startswith("@package"):
+                if keys and line.startswith(" "):
+                    last = keys[-1]
+                    keys[-1] = Key(last.name, last.default, f"{last.reason}\n{words}".strip())
+                elif not keys:
+                    head.append(words)
+            continue
+        indent = len(found["indent"])
+        stack = [(depth, name) for depth, name in stack if depth < indent]
+        value, reason = _split_comment(found["rest"])
+        stack.append((indent, found["key"]))
+        keys.append(Key(".".join(name for _, name in stack), value or None, reason))
+    groups = _groups(path)
+    shown = [key for key in keys if key.name.split(".")[0] not in _HIDDEN]
+    return SettingsFile("\n".join(head).strip(), groups, shown)
+
+
+def _split_comment(rest: str) -> tuple[str, str]:
+    """The value of a line of YAML, and its comment."""
+    found = re.search(r"(?:^|\s)#\s?(.*)$", rest)
+    return (rest.strip(), "") if found is None else (rest[: found.start()].strip(), found[1].strip())
+
+
+def _groups(path: Path) -> dict[str, str]:
+    """What `defaults:` composes: group -> file; Hydra's own and `command` are left out."""
+    entries = (yaml.safe_load(path.read_text(encoding="utf-8")) or {}).get("defaults", [])
+    named = [(str(key), str(value)) for entry in entries if isinstance(entry, dict) for key, value in entry.items()]
+    return {key: value for key, value in named if not key.startswith(("override ", "hydra"))}
+
+
+def limits(kind: type, prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Each dotted key of a settings dataclass with its range or its choices, in words."""
+    types = get_type_hints(kind)
+    for entry in fields(kind):
+        inner = types[entry.name]
+        if isinstance(inner, type) and is_dataclass(inner):
+            yield from limits(inner, f"{prefix}{entry.name}.")
+        elif "range" in entry.metadata:
+            low, high = entry.metadata["range"]
+            whole = "" if float in (inner, *get_args(inner)) else "whole number, "
+            yield prefix + entry.name, f"{whole}{_number(low)} to {_number(high)}"
+        elif "choice" in entry.metadata:
+            yield prefix + entry.name, ", ".join(f"`{word}`" for word in entry.metadata["choice"])
+        elif inner is bool:
+            yield prefix + entry.name, "`true`, `false`"
+
+
+def _number(value: float) -> str:
+    return f"{value:,.0f}" if value == int(value) else f"{value:g}"
+
+
+def command_page(command: str) -> str:
+    """The Markdown page of a command."""
+    own = read_settings(CONF / f"{command}.yaml")
+    known = dict(limits(kind_of(command)))
+    about = importlib.import_module(f"spgf_torch.{command}").__doc__ or ""
+    lines = [f"# {command}", "", _as_text(about), "", "```", *_example(command), "```", ""]
+    lines += [f"Settings of the command itself, from `conf/{command}.yaml`. `key=value` changes one.", ""]
+    lines += [*_table(own.keys, "", known), ""]
+    for group, name in own.groups.items():
+        here = group.endswith("@_here_")
+        bare = group.split("@")[0]
+        part = read_settings(CONF / bare / f"{name}.yaml")
+        taken = {key.name for key in own.keys} if here else set()
+        others = sorted(path.stem for path in (CONF / bare).glob("*.yaml") if path.stem != name)
+        lines += [f"## {bare}", ""]
+        lines += ["Keys of the command, without a prefix." if here else f"Prefix: `{bare}.`", ""]
+        lines += [f"From `conf/{bare}/{name}.yaml`{_choices(bare, others)}.", ""]
+        lines += [_as_text(part.about), ""] if part.about else []
+        keys = [key for key in part.keys if key.name not in taken]
+        lines += [*_table(keys, "" if here else f"{bare}.", known), ""]
+    return "\n".join(lines)
+
+
+def _choices(group: str, others: list[str]) -> str:
+    return f"; others: {', '.join(f'`{group}={name}`' for name in others)}" if others else ""
+
+
+def _example(command: str) -> list[str]:
+    """The lines of the help's header that are commands, or the bare command."""
+    header = _yaml(CONF / f"{command}.yaml")["hydra"]["help"]["header"]
+    return [line for line in header.splitlines() if line.startswith("python -m")] or [f"python -m spgf_torch.{command}"]
+
+
+def _yaml(path: Path) -> dict[str, Any]:
+    content: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
+    return content
+
+
+def _table(keys: list[Key], prefix: str, known: Mapping[str, str]) -> list[str]:
+    """Key, default, range and reason: a row a key. A mapping has no row, but for what its comment says."""
+    shown = {internal: alias for alias, internal in ALIASES.items()}
+    inner = {key.name.rpartition(".")[0] for key in keys}
+    rows = ["| key | default | values | reason |", "|---|---|---|---|"]
+    for key in keys:
+        if key.default is None and key.name in inner and not key.reason:
+            continue
+        name = f"`{prefix}{key.name}`" + (f" or `{shown[key.name]}`" if key.name in shown else "")
+        rows.append(f"| {name} | {_default(key)} | {known.get(prefix + key.name, '')} | {_cell(key.reason)} |")
+    return rows
+
+
+def _default(key: Key) -> str:
+    value = key.default
+    if value is None or (value == "???" and "without it" in key.reason):
+        return ""
+    if value == "???":
+        return "required"
+    return f"`{_cell(value if len(value) <= _LONGEST else value[: _LONGEST - 3] + '...')}`"
+
+
+def _cell(words: str) -> str:
+    """Text for a cell of a table: upright bars, angle brackets and asterisks are no markup."""
+    return words.replace("|", "\\|").replace("<", "&lt;").replace("*", "\\*").replace("\n", "<br>")
+
+
+def _as_text(docstring: str) -> str:
+    return docstring.replace("<", "&lt;").strip()
+
+
+def pages() -> Iterator[tuple[str, str]]:
+    """Every command with its page, and `index` with the list of them."""
+    rows = [f"| [`{name}`]({name}.md) | {_cell(words)} |" for name, words in COMMANDS.items()]
+    head = "# Commands\n\n`python -m spgf_torch.COMMAND key=value ...`. " + _HOW
+    yield "index", "\n".join([head, "", "| command | does |", "|---|---|", *rows, ""])
+    for name in COMMANDS:
+        yield name, command_page(name)
+
+
+_HOW = (
+    "`--help` prints the settings in a terminal, `--cfg job` those of a run, `-m` tries several values. "
+    "These pages are made from `conf/` and the settings' classes: defaults, ranges and reasons are the program's own."
+)
