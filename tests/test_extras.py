@@ -92,4 +92,4 @@ def test_extras_bring_what_is_said_of_them() -> None:
         package = {"sklearn": "scikit-learn"}.get(module, module)
         assert f"{package}>=" in extras[extra] or f"{package}-cpu>=" in extras[extra], known
         assert not any(required.startswith(package) for required in project["dependencies"]), known
-    assert extras["all"] == "spgf-torch[export,report,judge,sweep,cluster]" and "spgf-torch[all]" in extras["dev"]
+    assert extras["all"] == "spgf-torch[export,report,judge,sweep,cluster]" and "spgf-torch[all,docs]" in extras["dev"]

@@ -20,7 +20,7 @@ import yaml
 
 from spgf_torch.__main__ import COMMANDS
 from spgf_torch.cli.command_line import ALIASES
-from spgf_torch.cli.door import door as cli
+from spgf_torch.cli import door as cli
 
 CONF = Path(__file__).parents[2] / "conf"
 _KEY = re.compile(r"^(?P<indent> *)(?P<key>[\w.]+):(?P<rest>.*)$")

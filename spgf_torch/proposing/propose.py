@@ -232,7 +232,8 @@ class Proposer:
         free &= self.clearance.closes_on_points(points, T[better], grasp_type[better])
         free &= self.clearance.free_of_obstacles(around.obstacles, T[better], grasp_type[better])
         free &= self.above(T[better], grasp_type[better], around)
-        free &= clear_of_borders(around.borders, T[better], grasp_type[better], self.regions)
+        if around.borders is not None:
+            free &= clear_of_borders(around.borders, T[better], grasp_type[better], self.regions)
         gained = torch.full_like(score, -math.inf)
         gained[better[free]] = score[better[free]]
         top = gained.view(len(best), len(moves)).max(dim=1)
