@@ -19,8 +19,8 @@ from unittest.mock import patch
 import yaml
 
 from spgf_torch.__main__ import COMMANDS
-from spgf_torch.cli.command_line import ALIASES
 from spgf_torch.cli import door as cli
+from spgf_torch.cli.command_line import ALIASES
 
 CONF = Path(__file__).parents[2] / "conf"
 _KEY = re.compile(r"^(?P<indent> *)(?P<key>[\w.]+):(?P<rest>.*)$")
