@@ -299,9 +299,9 @@ def test_predict_gives_its_grasps_without_any_extra(
     monkeypatch.chdir(place)
     for package in PACKAGES:
         monkeypatch.setitem(sys.modules, package, None)
-    Path("bare").mkdir()
-    predict(typed(PredictConfig, composed("predict", *DEPTH, "judge=judge", "N=5")), Path("bare"))
+    Path("lean").mkdir()
+    predict(typed(PredictConfig, composed("predict", *DEPTH, "judge=judge", "N=5")), Path("lean"))
     said = " ".join(capsys.readouterr().out.split())
     assert "no page, for which plotly (pip install 'spgf-torch[report]') is needed" in said
-    assert len(read_grasps(Path("bare/grasps.json"))) >= 5
-    assert Path("bare/grasps.png").is_file() and not Path("bare/index.html").exists()
+    assert len(read_grasps(Path("lean/grasps.json"))) >= 5
+    assert Path("lean/grasps.png").is_file() and not Path("lean/index.html").exists()
