@@ -1,8 +1,9 @@
 """Neighbourhood analysis of the shape-grasp space and its condensation (paper, section 3.4).
 
-"A neighbourhood analysis gives each point of the space its success probability (successes over all particles
-near it in SE(3), same id) and its support (how many particles are near). The space is then condensed to the
-points of significant support."
+In the paper's words "a neighbourhood analysis is performed to compute the success probability of a given point in the
+space as well as the amount of similar points (called support)", and the space "is condensed to only consist of points
+that have a significant support". It leaves open what is near: here particles of the same prototype and grasp type, near
+in SE(3); the probability is successes over these particles, the support how many they are.
 
 The points are the lattice cells that hold at least one particle; near is a Gaussian kernel over cells. `analyse`
 answers for chosen points, which is all that a cross-validation needs; `condense` for the whole space.

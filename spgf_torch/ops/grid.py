@@ -95,8 +95,8 @@ def _organised(start: Tensor, angles: Tensor, ring: Ring, soft: bool) -> Tensor:
 def triangle(cells: int, half_length: int, dtype: torch.dtype) -> tuple[np.ndarray, np.ndarray]:
     """The moving average's filter: how many cells ahead, going round, and what a cell counts there, by fours.
 
-    At distance |k| <= n = half_length that is (n + 1 - |k|) / (n + 1) (the paper: "weight falling with distance"); of
-    two ways round the ring the shorter counts.
+    At distance |k| <= n = half_length that is (n + 1 - |k|) / (n + 1): the paper gives no formula, but the bars of its
+    Fig. 4 fall with the distance. Of two ways round the ring the shorter counts.
     """
     ahead = torch.arange(cells, device="cpu")
     weight = (half_length + 1 - torch.minimum(ahead, cells - ahead)).clamp(min=0).to(dtype) / (half_length + 1)
