@@ -1,7 +1,6 @@
 """What comments, docstrings, reasons in conf/ and pages refer to is there, and what they quote was said."""
 
 import re
-import subprocess
 from functools import cache
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PAPER = ROOT / "../shared/paper"
+FOLDERS = ("spgf_torch", "conf", "docs", "tests", "data")
 
 # A file of the repository: any page, and source or settings where the folder is said, too.
 NAMED = re.compile(
@@ -39,15 +39,13 @@ TITLES = {
 @cache
 def texts() -> tuple[tuple[Path, str], ...]:
     """The comments and docstrings of each file of the repository, and its pages: running text, line breaks kept."""
-    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
-    paths = [ROOT / name for name in listed.stdout.splitlines() if name != "CHANGELOG.md"]
-    return tuple((path, prose(path)) for path in paths if path.is_file() and path != Path(__file__))
+    within = [path for folder in FOLDERS for path in (ROOT / folder).rglob("*") if path != Path(__file__)]
+    paths = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *within]
+    return tuple((path, prose(path)) for path in paths if path.suffix in (".py", ".yaml", ".md"))
 
 
 def prose(path: Path) -> str:
-    """What a file tells its readers; of other files than code, settings and pages nothing."""
-    if path.suffix not in (".py", ".yaml", ".md"):
-        return ""
+    """What a file of code, settings or text tells its readers."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".md":
         return FENCE.sub("", text)
