@@ -43,7 +43,7 @@ def random_rate(success: np.ndarray, grasp_type: np.ndarray, among: np.ndarray |
     """
     kept = np.ones(len(success), dtype=bool) if among is None else among
     chosen = {name: success[kept & of_type(grasp_type, name)] for name in TYPES}
-    return {name: float(held.mean()) if len(held) else 0.0 for name, held in chosen.items()}
+    return {name: float(its.mean()) if len(its) else 0.0 for name, its in chosen.items()}
 
 
 def ceiling(success: np.ndarray, grasp_type: np.ndarray, n: int) -> Rates:
