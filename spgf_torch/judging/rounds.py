@@ -16,7 +16,7 @@ import torch
 from spgf_torch.cache import Cache
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.judging.config import JudgeConfig
-from spgf_torch.judging.own_trials import OwnOrigin, OwnTrials
+from spgf_torch.judging.own_trials import OwnProvenance, OwnTrials
 from spgf_torch.judging.rows import PICKED, SAMPLED, Bench, Chosen, Rows
 from spgf_torch.judging.trying import tried
 from spgf_torch.objects.grasp_object import GraspObject
@@ -77,7 +77,7 @@ def own_round(
     drafts = []
     for bench in benches:
         chosen = choose(bench, judges[int(fold[bench.index])], number, shop.config)
-        drafts.append(OwnTrials.of(OwnOrigin.of(bench.obj, shop.trials, shop.config), chosen, number))
+        drafts.append(OwnTrials.of(OwnProvenance.of(bench.obj, shop.trials, shop.config), chosen, number))
     outcomes = _tried([bench.obj for bench in benches], [draft.chosen.poses for draft in drafts], shop)
     return [replace(draft, outcome=outcome) for draft, outcome in zip(drafts, outcomes, strict=True)]
 

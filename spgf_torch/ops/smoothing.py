@@ -32,7 +32,7 @@ class Blocks(NamedTuple):
 
 
 class Near(NamedTuple):
-    """A `geometry.lattice.Kernel`."""
+    """A `geometry.se3_grid.Kernel`."""
 
     offset: np.ndarray
     weight: np.ndarray

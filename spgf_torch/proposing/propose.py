@@ -7,7 +7,7 @@
 4. The best move to better poses nearby as long as the score grows and the hand stays free.
 5. Non-maximum suppression leaves one of each grasp.
 
-Every step looks at relative poses only, so grasps move with their input; which cell of the lattice a relative pose
+Every step looks at relative poses only, so grasps move with their input; which cell of the SE(3) grid a relative pose
 falls into is the one thing that rounding can change.
 """
 
