@@ -13,7 +13,7 @@ pose falls into the same cell in either. With `SPGF_OPS=torch` in the environmen
     cell_pairs          features and grasps -> pairs within reach and their cells
     analyse             shape-grasp particles -> weighted counts of success around cells
     look_up             cells -> points of a condensed shape-grasp space
-    accumulate_votes    features and grasps -> how many votes each grasp gets, and their worth
+    accumulate_votes    features and grasps -> how many votes each grasp gets, and their gain
     points_in_volume    points and hands -> whether a hand holds a point
     farthest_first      points -> a few that are spread over all
 
