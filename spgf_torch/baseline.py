@@ -35,7 +35,7 @@ def run(config: BaselineConfig, folder: Path) -> None:
     from spgf_torch.baselines.folds import predictions_of, run_folds
     from spgf_torch.evaluation.files import write_per_object, write_results
     from spgf_torch.evaluation.results import build_results
-    from spgf_torch.evaluation.tables import calibration_line, chosen_line, results_table
+    from spgf_torch.evaluation.tables import calibration_lines, chosen_line, results_table
 
     if not installed("tensorboard"):
         console.print(f"baseline: logs as CSV alone; for others: {remedy('tensorboard')}")
@@ -51,7 +51,7 @@ def run(config: BaselineConfig, folder: Path) -> None:
         hand_over(work, folder)
     table = results_table(results, list(dict.fromkeys([config.ranking, NESTED])))
     table.title = f"Success-rate (%) of a network's {config.N} highest-ranked grasps on novel objects"
-    for content in (table, chosen_line(results), calibration_line(results)):
+    for content in (table, chosen_line(results), *calibration_lines(results)):
         show(content)
     show(f"results, networks, logs and settings in {folder}")
 

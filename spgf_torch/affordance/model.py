@@ -19,7 +19,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 from torch import Tensor
 
-from spgf_torch.affordance.calibration import TERMS, Calibration, uncalibrated
+from spgf_torch.affordance.calibration import NUMBERS, Calibration, uncalibrated
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.neighbourhood import Condensed, condense
 from spgf_torch.affordance.pairs import CellPairs, grid_of, shape_grasp_particles
@@ -39,7 +39,7 @@ from spgf_torch.settings import typed
 __all__ = ["GraspModel", "learn", "load_model", "model_settings", "save_model", "vote"]
 
 FORMAT = "spgf_torch model"
-SCHEMA = 2
+SCHEMA = 3
 DIGEST = "tensors_sha256"  # key in model.json: SHA-256 of model.safetensors
 LARGEST_HEADER = 1_000_000  # bytes in which model.safetensors says what is in it
 # Tensors of a model in the file; partitions were called slices when the format was made.
@@ -150,7 +150,7 @@ def save_model(model: GraspModel, folder: Path) -> int:
     """
     condensed = model.condensed
     tensors = {key: getattr(condensed, name) for key, name in _CONDENSED.items()}
-    tensors |= {"centres": model.centres, "calibration": model.calibration.weights}
+    tensors |= {"centres": model.centres, "calibration": model.calibration.numbers}
     content = sealed(save({name: t.contiguous().cpu() for name, t in tensors.items()}, {KEY: BLANK.decode()}))
     write_bytes(folder / "model.safetensors", content)
     lattice, digest = _lattice_section(model.grid), hashlib.sha256(content).hexdigest()
@@ -215,7 +215,7 @@ def _check_shapes(path: Path, tensors: dict[str, Tensor], D: int) -> None:
     partitions, points = len(tensors["centres"]) * len(GRASP_TYPES), int(tensors["slice_start"].reshape(-1)[-1:].sum())
     expected: dict[str, tuple[int, ...]] = dict.fromkeys(("cell", "probability", "support"), (points,))
     expected |= {"slice_start": (partitions + 1,), "base_rate": (len(GRASP_TYPES),)}
-    expected |= {"calibration": (len(GRASP_TYPES), len(TERMS))}
+    expected |= {"calibration": (len(GRASP_TYPES), len(NUMBERS))}
     for name, shape in expected.items():
         if tuple(tensors[name].shape) != shape:
             raise InputError(f"{path}: expected {name} of shape {shape}, got {tuple(tensors[name].shape)}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from spgf_torch.evaluation.reliability import score_table
 from spgf_torch.evaluation.results import chosen_words
 from spgf_torch.evaluation.success import TYPES
 from spgf_torch.experiment.config import TrainConfig
@@ -64,7 +65,8 @@ in the folds.
 
 {_rates(results)}
 
-Probabilities of success (`calibrated`), on the candidates of novel objects:
+Probabilities of success on the candidates of novel objects, beside those of a predictor that knows how often candidates
+with and without a sensed collision succeed, and nothing else:
 
 {_calibration(results)}
 
@@ -91,11 +93,5 @@ def _rates(results: Mapping[str, Any]) -> str:
 
 
 def _calibration(results: Mapping[str, Any]) -> str:
-    rows = [
-        "| type | Brier score, as voted | calibrated | calibration error, as voted | calibrated |",
-        "|---|" + "---|" * 4,
-    ]
-    for grasp_type, block in results["calibration"].items():
-        values = [block[name] for name in ("brier_before", "brier", "ece_before", "ece")]
-        rows.append(f"| {grasp_type} | " + " | ".join(f"{value:.3f}" for value in values) + " |")
-    return "\n".join(rows)
+    head, rows = score_table(results["calibration_free"], results["calibration"])
+    return "\n".join("| " + " | ".join(row) + " |" for row in (head, ["---"] * len(head), *rows))

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from spgf_torch.evaluation.predictions import Predictions
+
 # Bins of equal width of the expected calibration error, as usual (Guo et al. 2017 use 10 to 15).
 BINS = 10
+
+# What gives a grasp its probability, by the end of its keys in results.json.
+PREDICTORS = {"": "calibrated", "_flag": "collision flag alone", "_before": "as voted"}
+
+SCORES = {"brier": "Brier score", "ece": "calibration error"}
+
+Blocks = Mapping[str, Mapping[str, float]]  # grasp type -> score and predictor -> value
 
 
 @dataclass(frozen=True)
@@ -37,6 +49,43 @@ def reliability(probability: np.ndarray, success: np.ndarray, bins: int = BINS) 
     count = np.bincount(which, minlength=bins)
     filled = np.where(count > 0, count, np.nan)
     return Reliability(np.bincount(which, p, bins) / filled, np.bincount(which, outcome, bins) / filled, count)
+
+
+def predicted(objects: Sequence[Predictions], grasp_type: int, free: bool) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """What PREDICTORS say of the grasps of a type on all objects: (G,) each, and their outcomes (G,) bool.
+
+    Args:
+        free: only of grasps without a sensed collision.
+    """
+    kept = [(o.grasp_type == grasp_type) & ~(free & o.collides) for o in objects]
+    parts = [
+        (o.probability_before[k], o.probability[k], o.collides[k], o.success[k], np.full(int(k.sum()), o.fold))
+        for o, k in zip(objects, kept, strict=True)
+    ]
+    before, after, collides, success, fold = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return {"": after, "_flag": by_flag_alone(collides, success, fold), "_before": before}, success
+
+
+def score_table(free: Blocks, everything: Blocks) -> tuple[list[str], list[list[str]]]:
+    """Head and rows of a table of the blocks `calibration_free` and `calibration` of results.json, as text."""
+    head = [f"{score}, {told}" for score in SCORES.values() for told in PREDICTORS.values()]
+    rows = []
+    for words, blocks in (("without a sensed collision", free), ("all", everything)):
+        for grasp_type, block in blocks.items():
+            values = [block.get(score + end) for score in SCORES for end in PREDICTORS]
+            shown = ["-" if value is None else f"{value:.3f}" for value in values]
+            rows.append([f"{grasp_type}, {words}", *shown])
+    return ["candidates", *head], rows
+
+
+def by_flag_alone(flag: np.ndarray, success: np.ndarray, fold: np.ndarray) -> np.ndarray:
+    """(G,) float: how often grasps of the other folds succeed that have the same flag (G,) bool; 0 where none has."""
+    probability = np.zeros(len(flag))
+    for own in np.unique(fold):
+        for value in (False, True):
+            taught = success[(fold != own) & (flag == value)]
+            probability[(fold == own) & (flag == value)] = taught.mean() if len(taught) else 0.0
+    return probability
 
 
 def brier(probability: np.ndarray, success: np.ndarray) -> float:

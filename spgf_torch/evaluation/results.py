@@ -13,7 +13,7 @@ import numpy as np
 from spgf_torch.affordance.config import JUDGE, NESTED
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.predictions import Predictions
-from spgf_torch.evaluation.reliability import brier, reliability
+from spgf_torch.evaluation.reliability import brier, predicted, reliability
 from spgf_torch.evaluation.success import (
     Rates,
     bootstrap_interval,
@@ -77,7 +77,8 @@ def build_results(objects: Sequence[Predictions], config: TrainConfig, dataset: 
         "random_collision_free": class_means(classes, [r.random_collision_free for r in rates]),
         "ceiling": class_means(classes, [r.ceiling for r in rates]),
         "chosen": {str(o.fold): o.chosen for o in sorted(objects, key=lambda o: o.fold)},
-        "calibration": calibration_block(objects),
+        "calibration": calibration_block(objects, free=False),
+        "calibration_free": calibration_block(objects, free=True),
         "dataset": dataset,
         **(judge_blocks(objects, rankings, config) if JUDGE in rankings else {}),
     }
@@ -112,17 +113,19 @@ def chosen_words(chosen: Mapping[str, str]) -> str:
     return ", ".join(f"{name} in {count} of {len(chosen)} folds" for name, count in counts)
 
 
-def calibration_block(objects: Sequence[Predictions]) -> dict[str, Rates]:
-    """Brier score and expected calibration error on the grasps of novel objects, before and after calibration."""
-    block = {}
+def calibration_block(objects: Sequence[Predictions], free: bool) -> dict[str, dict[str, float]]:
+    """Of each grasp type: Brier score and expected calibration error of `PREDICTORS` on grasps of novel objects.
+
+    Args:
+        free: only on grasps without a sensed collision.
+    """
+    block: dict[str, dict[str, float]] = {}
     for code, grasp_type in enumerate(GRASP_TYPES):
-        chosen = [o.grasp_type == code for o in objects]
-        success, before, after = (
-            np.concatenate([getattr(o, name)[mask] for o, mask in zip(objects, chosen, strict=True)])
-            for name in ("success", "probability_before", "probability")
-        )
-        block[grasp_type] = {"brier_before": brier(before, success), "brier": brier(after, success)}
-        block[grasp_type] |= {"ece_before": reliability(before, success).ece, "ece": reliability(after, success).ece}
+        of_predictor, success = predicted(objects, code, free)
+        block[grasp_type] = {"candidates": len(success)}
+        for end, probability in of_predictor.items():
+            diagram = reliability(probability, success)
+            block[grasp_type] |= {f"brier{end}": brier(probability, success), f"ece{end}": diagram.ece}
     return block
 
 

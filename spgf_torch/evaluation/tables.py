@@ -11,6 +11,7 @@ from rich.table import Table
 
 from spgf_torch.affordance.config import JUDGE, NESTED
 from spgf_torch.evaluation import paper
+from spgf_torch.evaluation.reliability import PREDICTORS
 from spgf_torch.evaluation.results import chosen_words
 from spgf_torch.evaluation.success import TYPES, class_means, random_rate
 from spgf_torch.hands.config import GRASP_TYPES
@@ -72,11 +73,21 @@ def chosen_line(results: Mapping[str, Any]) -> str:
     return f"nested: the ranking chosen inside the training folds: {chosen_words(results['chosen'])}"
 
 
-def calibration_line(results: Mapping[str, Any]) -> str:
-    """Expected calibration error of each type, in a line."""
-    blocks = results["calibration"].items()
-    told = ", ".join(f"{name} {block['ece']:.3f} (as voted {block['ece_before']:.3f})" for name, block in blocks)
-    return f"expected calibration error of the probabilities: {told}"
+def calibration_lines(results: Mapping[str, Any]) -> list[str]:
+    """Brier score and expected calibration error of the probabilities, in a line of each group of candidates."""
+    groups = {"calibration_free": "candidates without a sensed collision", "calibration": "all candidates"}
+    return [
+        f"Brier score / expected calibration error, {words}: "
+        + "; ".join(
+            f"{grasp_type} " + ", ".join(f"{told} {scores}" for told, scores in _scores(block).items())
+            for grasp_type, block in results[key].items()
+        )
+        for key, words in groups.items()
+    ]
+
+
+def _scores(block: Mapping[str, float]) -> dict[str, str]:
+    return {told: f"{block[f'brier{end}']:.3f} / {block[f'ece{end}']:.3f}" for end, told in PREDICTORS.items()}
 
 
 def judge_lines(results: Mapping[str, Any]) -> list[str]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,9 +15,10 @@ from spgf_torch.affordance.model import GraspModel
 from spgf_torch.affordance.ranking import GraspScores
 from spgf_torch.cache import Cache
 from spgf_torch.experiment.config import TrainConfig
-from spgf_torch.experiment.cross_validation import CrossValidation, calibrate
+from spgf_torch.experiment.cross_validation import calibrate, calibrated_elsewhere, choose
 from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.experiment.learning import PrototypeFit, learn_model, side_by_side
+from spgf_torch.experiment.training_space import TrainingSpace
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import Stages
 from spgf_torch.settings import plain
@@ -57,6 +59,19 @@ class Design:
         groups = [group for group in groups if group]
         return groups if len(groups) > 1 else [train[::2], train[1::2]]
 
+    def inner_folds(self) -> dict[tuple[int, ...], list[tuple[int, int]]]:
+        """Who teaches in the cross-validations inside the training folds, and who is held out from them.
+
+        Objects that teach -> pairs of a test fold and an object that is held out for its sake. What teaches without
+        the folds 1 and 2 serves both: objects of 2 are held out for the test fold 1, those of 1 for 2.
+        """
+        found: dict[tuple[int, ...], list[tuple[int, int]]] = {}
+        for test in self.tests:
+            for group in self.groups(test):
+                teach = tuple(i for i in self.training(test) if i not in group)
+                found.setdefault(teach, []).extend((test, i) for i in group)
+        return found
+
 
 def teaching(examples: Sequence[DescribedObject], config: TrainConfig) -> list[Tensor]:
     """Of each object those of its grasps that may teach: indices (C,) int64, ascending."""
@@ -87,6 +102,7 @@ class Experiment:
         objects: all of them.
         examples: of every object, with all its grasps: what is predicted on.
         teach: of every object, with the grasps that teach.
+        sampled: of every object, with those of them that calibrate and choose rankings: a random sample, to save time.
     """
 
     config: TrainConfig
@@ -94,6 +110,7 @@ class Experiment:
     objects: Sequence[GraspObject]
     examples: Sequence[DescribedObject]
     teach: Sequence[DescribedObject]
+    sampled: Sequence[DescribedObject]
     fit: PrototypeFit
 
     @staticmethod
@@ -106,46 +123,77 @@ class Experiment:
     ) -> Experiment:
         """The experiment that the settings describe."""
         teach = [e.of_grasps(which) for e, which in zip(examples, teaching(examples, config), strict=True)]
-        prototypes = replace(config.prototypes, num_clusters=config.K)
-        return Experiment(config, design, objects, examples, teach, PrototypeFit(prototypes, config.seed, cache))
+        generator = torch.Generator().manual_seed(config.seed)
+        sampled = [e.of_grasps(e.sample(config.inner_grasps, generator)) for e in teach]
+        fit = PrototypeFit(replace(config.prototypes, num_clusters=config.K), config.seed, cache)
+        return Experiment(config, design, objects, examples, teach, sampled, fit)
 
     def run(self, stages: Stages) -> Learned:
         """Predictions on every object by a model that has not seen it, and the models that the settings ask for."""
         tests: list[int | None] = [*self.design.tests, *([None] if self.config.final_model else [])]
-        with stages.stage("prototypes", len(tests), "sets") as advance:
-            centres = side_by_side(lambda test: self.fit(self.relations(test)), tests, advance)
+        inner = self.design.inner_folds()
+        taught = [*inner, *(tuple(self.design.training(test)) for test in tests)]
+        with stages.stage("prototypes", len(taught), "sets") as advance:
+            centres = side_by_side(lambda objects: self.fit(self.relations(objects)), taught, advance)
+        held_out: dict[tuple[int, int], GraspScores] = {}
         scores: dict[int, GraspScores] = {}
         models: dict[int | None, GraspModel] = {}
+
+        def work_inside(learned: tuple[tuple[int, ...], Tensor]) -> None:
+            held_out.update(self.predict_inside(*learned, inner[learned[0]]))
 
         def work(learned: tuple[int | None, Tensor]) -> None:
             test, prototypes = learned
             if test is None:
                 models[None] = self.model(None, prototypes)
                 return
-            on_novel, calibration = self.predict(test, prototypes)
+            on_novel, calibration = self.predict(test, prototypes, held_out)
             scores.update(on_novel)
             if self.config.fold_models:
                 models[test] = replace(self.model(test, prototypes), calibration=calibration)
 
-        with stages.stage("voting", len(tests), "folds and models" if None in tests else "folds") as advance:
-            side_by_side(work, zip(tests, centres, strict=True), advance)
+        with stages.stage("voting", len(taught), "folds and models" if None in tests else "folds") as advance:
+            side_by_side(work_inside, zip(inner, centres, strict=False), advance)
+            side_by_side(work, zip(tests, centres[len(inner) :], strict=True), advance)
         each = [scores[i] for i in range(len(self.examples))]
         if None in models:
-            held_out = calibrate(each, [e.outcomes for e in self.examples])
-            models[None] = replace(models[None], calibration=held_out)
+            calibration = calibrate(each, [e.outcomes for e in self.examples], self.design.fold.tolist())
+            models[None] = replace(models[None], calibration=calibration)
         return Learned(each, models.pop(None, None), models)  # type: ignore[arg-type]
 
-    def relations(self, test: int | None) -> Tensor:
-        """(L, D) relations of all features that teach what is used on the fold `test` (None: of all folds)."""
-        return torch.cat([self.teach[i].relations for i in self.design.training(test)])
+    def relations(self, objects: Sequence[int]) -> Tensor:
+        """(L, D) relations of all features of the objects."""
+        return torch.cat([self.teach[i].relations for i in objects])
 
-    def predict(self, test: int, centres: Tensor) -> tuple[dict[int, GraspScores], Calibration]:
+    def predict_inside(
+        self, taught: Sequence[int], centres: Tensor, held_out: Sequence[tuple[int, int]]
+    ) -> dict[tuple[int, int], GraspScores]:
+        """What some training objects say of the sampled grasps on those held out; see `Design.inner_folds`."""
+        space = TrainingSpace([self.teach[i] for i in taught], centres, self.config.affordance)
+        return dict(zip(held_out, space.score_grasps([self.sampled[i] for _, i in held_out]), strict=True))
+
+    def predict(
+        self, test: int, centres: Tensor, held_out: Mapping[tuple[int, int], GraspScores]
+    ) -> tuple[dict[int, GraspScores], Calibration]:
         """Predictions on the objects of the fold `test`, by their number, and the training folds' calibration."""
-        config, novel = self.config, self.design.novel(test)
-        validation = CrossValidation(config.affordance, config.inner_grasps, config.N, config.seed)
-        groups = [[self.teach[i] for i in group] for group in self.design.groups(test)]
-        scores, calibration = validation.predict(groups, centres, [self.examples[i] for i in novel])
-        return dict(zip(novel, scores, strict=True)), calibration
+        calibration, chosen = self.nested(test, held_out)
+        novel = self.design.novel(test)
+        taught = [self.teach[i] for i in self.design.training(test)]
+        scores = TrainingSpace(taught, centres, self.config.affordance).score_grasps([self.examples[i] for i in novel])
+        ranked = [each.calibrated(calibration).with_chosen(chosen) for each in scores]
+        return dict(zip(novel, ranked, strict=True)), calibration
+
+    def nested(self, test: int, held_out: Mapping[tuple[int, int], GraspScores]) -> tuple[Calibration, str]:
+        """Calibration and choice of the ranking for the fold `test`, on training objects that were held out.
+
+        Of the sampled grasps the same share counts as best as N is of all that teach.
+        """
+        group = {i: g for g, members in enumerate(self.design.groups(test)) for i in members}
+        scores, success = [held_out[test, i] for i in group], [self.sampled[i].outcomes for i in group]
+        groups = list(group.values())
+        share = sum(map(len, success)) / sum(len(self.teach[i]) for i in group)
+        chosen = choose(calibrated_elsewhere(scores, success, groups), success, math.ceil(self.config.N * share))
+        return calibrate(scores, success, groups), chosen
 
     def model(self, test: int | None, centres: Tensor) -> GraspModel:
         """The model for the objects of the fold `test` (None: of all objects), not yet calibrated."""

@@ -1,4 +1,4 @@
-"""The shape-grasp space of some training objects, and what it says of grasps: on novel objects and on its own."""
+"""The shape-grasp space of some training objects, and what it says of grasps on others."""
 
 from __future__ import annotations
 
@@ -19,31 +19,27 @@ from spgf_torch.prototypes.kmeans import assign
 
 
 class TrainingSpace:
-    """Prototypes (K, D) and the space of training objects in groups, analysed only where somebody asks."""
+    """Prototypes (K, D) and the space of training objects, analysed only where somebody asks."""
 
-    def __init__(self, groups: Sequence[Sequence[DescribedObject]], centres: Tensor, config: AffordanceConfig) -> None:
+    def __init__(self, objects: Sequence[DescribedObject], centres: Tensor, config: AffordanceConfig) -> None:
         self.centres, self.config = centres, config
         self.grid, self.kernel = grid_of(config), kernel_of(config)
-        parts = [[shape_grasp_particles(obj.pairs, self.ids(obj), obj.outcomes) for obj in group] for group in groups]
-        self.space = ShapeGraspSpace.of(parts, len(centres), self.grid)
-        self.outcomes = torch.stack([torch.stack([outcome_counts(p) for p in group]).sum(0) for group in parts])
+        parts = [shape_grasp_particles(obj.pairs, self.ids(obj), obj.outcomes) for obj in objects]
+        self.space = ShapeGraspSpace.of([parts], len(centres), self.grid)
+        self.base_rate = base_rates(torch.stack([outcome_counts(part) for part in parts]).sum(0))
 
     def ids(self, obj: DescribedObject) -> Tensor:
         """(F,) int64 prototypes of an object's features."""
         return assign(obj.relations, self.centres)
 
-    def score_grasps(
-        self, objects: Sequence[DescribedObject], excluded_groups: Sequence[int | None]
-    ) -> list[GraspScores]:
-        """What the training objects say of grasps, for each object without those of one group (None: of all)."""
-        excluded = [self.space.groups if group is None else group for group in excluded_groups]
+    def score_grasps(self, objects: Sequence[DescribedObject]) -> list[GraspScores]:
+        """What the training objects say of the grasps on each object."""
         asked = [shape_grasp_particles(obj.pairs, self.ids(obj)) for obj in objects]
-        sizes = [len(points.cell) for points in asked]
-        group = torch.tensor(excluded).repeat_interleave(torch.tensor(sizes)).to(self.centres.device)
-        counts = analyse(self.space, concatenated(asked), group, self.grid, self.kernel).split(sizes)
-        rates = [base_rates(self.outcomes.sum(0) - (0 if g is None else self.outcomes[g])) for g in excluded_groups]
-        return [self._scores(*row) for row in zip(counts, asked, objects, rates, strict=True)]
+        points = concatenated(asked)
+        nobody = torch.full_like(points.cell, self.space.groups, dtype=torch.int64)
+        counts = analyse(self.space, points, nobody, self.grid, self.kernel).split([len(each.cell) for each in asked])
+        return [self._scores(*row) for row in zip(counts, asked, objects, strict=True)]
 
-    def _scores(self, counts: Counts, points: Particles, obj: DescribedObject, base_rate: Tensor) -> GraspScores:
+    def _scores(self, counts: Counts, points: Particles, obj: DescribedObject) -> GraspScores:
         votes = counted_votes(counts, points, obj.pairs.grasp, self.config.min_support)
-        return score_grasps(votes, base_rate, obj.grasp_type, obj.collides, self.config)
+        return score_grasps(votes, self.base_rate, obj.grasp_type, obj.collides, self.config)

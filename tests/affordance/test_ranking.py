@@ -2,10 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 import torch
 
-from spgf_torch.affordance.calibration import Calibration, fit_calibration, uncalibrated
+from spgf_torch.affordance import calibration
+from spgf_torch.affordance.calibration import PRIOR, STRAIGHT, Calibration, fit_calibration, uncalibrated
 from spgf_torch.affordance.config import RANKINGS, AffordanceConfig
 from spgf_torch.affordance.ranking import UNSUPPORTED, GraspScores, score_grasps
 from spgf_torch.affordance.voting import Votes
@@ -71,11 +73,11 @@ def test_calibration_finds_the_logistic_law_that_made_the_outcomes() -> None:
     n = 40_000
     score, grasp_type = torch.randn(2 * n, generator=generator), torch.arange(2).repeat_interleave(n)
     collides = torch.rand(2 * n, generator=generator) < 0.3
-    law = torch.tensor([[-1.0, 2.0, -3.0, 0.0], [0.5, 1.0, 0.0, 0.0]])
+    law = torch.tensor([[-1.0, 2.0, -3.0, 0.0, STRAIGHT], [0.5, 1.0, 0.0, 0.0, STRAIGHT]])
     p = Calibration(law).probability(score, grasp_type, collides)
     success = torch.rand(2 * n, generator=generator) < p
     found = fit_calibration(score, grasp_type, collides, success)
-    assert torch.allclose(found.weights, law, atol=0.15)
+    assert torch.allclose(found.numbers[:, :4], law[:, :4], atol=0.15)
     assert float((found.probability(score, grasp_type, collides) - p).abs().mean()) < 0.01
 
 
@@ -83,5 +85,64 @@ def test_calibration_without_successes_stays_finite() -> None:
     score = torch.tensor([0.0, 1.0, -math.inf, 2.0])
     grasp_type, success = torch.zeros(4, dtype=torch.long), torch.zeros(4, dtype=torch.bool)
     found = fit_calibration(score, grasp_type, success, success)
-    assert found.weights.isfinite().all() and found.weights[1].abs().sum() == 0
+    assert found.numbers.isfinite().all() and found.numbers[1, :4].abs().sum() == 0
     assert (found.probability(score, grasp_type, success) < 0.1).all()
+
+
+def test_the_prior_holds_weights_that_the_outcomes_would_not() -> None:
+    """Three NPG of score 2 succeed, four WPG of score 0 fail; where the slope of the penalised likelihood is 0:
+
+    NPG, constant c and slope s: c / PRIOR^2 = 3 (1 - sigmoid(c + 2 s)) and s / PRIOR^2 twice that, so s = 2 c.
+    WPG, constant alone: c / PRIOR^2 = -4 sigmoid(c).
+    """
+    score, grasp_type = torch.tensor([2.0] * 3 + [0.0] * 4), torch.tensor([0] * 3 + [1] * 4)
+    found = fit_calibration(score, grasp_type, torch.zeros(7).bool(), grasp_type == 0).numbers.double()
+    (c, s), other = found[0, :2].tolist(), float(found[1, 0])
+    assert s == pytest.approx(2 * c) and c / PRIOR**2 == pytest.approx(3 / (1 + math.exp(5 * c)), rel=1e-4)
+    assert other / PRIOR**2 == pytest.approx(-4 / (1 + math.exp(-other)), rel=1e-4) and other < -3
+    assert not found[:, 2:4].any() and found[1, 1] == 0
+
+
+def test_scores_below_the_bend_count_as_the_bend() -> None:
+    """NPG 1 + 2 max(s, -0.5), less 3 in a collision, 0.25 without votes; WPG is straight."""
+    bent = Calibration(torch.tensor([[1.0, 2.0, -3.0, -0.75, -0.5], [0.5, 1.0, 0.0, 0.0, STRAIGHT]]))
+    score = torch.tensor([0.25, -0.5, -7.0, -math.inf, -7.0, -7.0])
+    collides, grasp_type = torch.tensor([False] * 4 + [True, False]), torch.tensor([0] * 5 + [1])
+    expected = [1.5, 0.0, 0.0, 0.25, -3.0, -6.5]
+    assert torch.logit(bent.probability(score, grasp_type, collides)).tolist() == pytest.approx(expected, rel=1e-4)
+
+
+def test_the_bend_is_found_where_groups_agree_on_it() -> None:
+    """WPG: scores below their 0.3 quantile tell no more than it; NPG: each does. Without groups nothing can choose."""
+    generator = torch.Generator().manual_seed(0)
+    n = 8000
+    score, grasp_type = torch.randn(2 * n, generator=generator), torch.arange(2).repeat_interleave(n)
+    law = Calibration(torch.tensor([[0.0, 1.5, 0, 0, STRAIGHT], [-0.5, 3.0, 0, 0, -0.5244]]))
+    none, group = torch.zeros(2 * n).bool(), torch.arange(2 * n) % 4
+    success = torch.rand(2 * n, generator=generator) < law.probability(score, grasp_type, none)
+    found = fit_calibration(score, grasp_type, none, success, group).numbers
+    assert float(found[1, 4]) == pytest.approx(float(score[n:].quantile(0.3)))
+    assert torch.allclose(found[1, :2], law.numbers[1, :2], atol=0.2)
+    assert found[0, 4] == score[:n].min()
+    alone = fit_calibration(score, grasp_type, none, success).numbers
+    assert alone[:, 4].tolist() == [score[:n].min(), score[n:].min()]
+
+
+def test_a_bend_must_help_most_groups(monkeypatch: pytest.MonkeyPatch) -> None:
+    """-1 loses least in all, because of one group; 0 helps three of four; 1 helps two, which are not most."""
+    loss = {-2.0: [10.0, 10, 10, 30], -1.0: [11.0, 11, 11, 10], 0.0: [9.0, 9, 9, 31], 1.0: [5.0, 5, 12, 31]}
+    monkeypatch.setattr(calibration, "_held_out_loss", lambda terms, success, group: loss[float(terms[0, 1])])
+    score, success = torch.tensor([-3.0, 4.0]), torch.tensor([False, True])
+    assert calibration._chosen_bend([*loss], score, success, torch.tensor([0, 1])) == 0.0
+    del loss[0.0]
+    assert calibration._chosen_bend([*loss], score, success, torch.tensor([0, 1])) == -2.0
+
+
+def test_the_loss_of_a_group_is_by_the_curve_of_the_others() -> None:
+    """The constant alone: of two successes and of three failures, 2 (1 - sigmoid(a)) = a / PRIOR^2 and so on."""
+    success, group = np.array([True, True, False, False, False]), np.array([7, 7, 2, 2, 2])
+    terms = np.ones((5, 1))
+    up, down = (float(calibration._logistic(np.ones((n, 1)), np.full(n, n == 2))[0]) for n in (2, 3))
+    assert 2 / (1 + math.exp(up)) == pytest.approx(up / PRIOR**2) and up > 3 and down < -3
+    expected = [3 * math.log1p(math.exp(up)), 2 * math.log1p(math.exp(-down))]
+    assert calibration._held_out_loss(terms, success, group) == pytest.approx(expected)

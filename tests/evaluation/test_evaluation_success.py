@@ -18,7 +18,7 @@ from spgf_torch.evaluation.executed import ObjectOutcome, executed_results
 from spgf_torch.evaluation.files import write_json, write_per_object
 from spgf_torch.evaluation.folds import stratified_folds, stratified_order
 from spgf_torch.evaluation.predictions import Predictions, read_predictions, write_predictions
-from spgf_torch.evaluation.reliability import brier, reliability
+from spgf_torch.evaluation.reliability import brier, by_flag_alone, predicted, reliability
 from spgf_torch.evaluation.results import build_results, object_rates, read_results
 from spgf_torch.evaluation.success import bootstrap_interval, ceiling, class_means, random_rate, top_n
 from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
@@ -148,7 +148,31 @@ def test_results_keep_the_contract(config: TrainConfig) -> None:
     assert results["dataset"] == "d1"
     block = results["calibration"]["WPG"]
     assert block["brier_before"] == pytest.approx(0.25) and block["brier"] == pytest.approx(0.01)
-    assert block["ece"] == pytest.approx(0.1)
+    assert block["ece"] == pytest.approx(0.1) and block["candidates"] == 300
+    free = results["calibration_free"]["WPG"]
+    assert free["candidates"] == sum(int((~o.collides & (o.grasp_type == 1)).sum()) for o in predictions())
+    assert free["brier"] == pytest.approx(0.01) and free["brier_flag"] > 0.2 and free["ece_flag"] < 0.1
+
+
+def test_the_flag_alone_is_learned_on_other_folds() -> None:
+    """Fold 0 learns from fold 1: of two without the flag one succeeds, of one with it none; fold 1 from fold 0.
+
+    There three of four without it succeed, and none has it: 0.
+    """
+    flag = np.array([False, False, False, False, False, False, True])
+    success = np.array([True, True, True, False, False, True, False])
+    fold = np.array([0, 0, 0, 0, 1, 1, 1])
+    assert by_flag_alone(flag, success, fold).tolist() == [0.5] * 4 + [0.75, 0.75, 0.0]
+    assert by_flag_alone(~flag, success, fold).tolist() == [0.5] * 4 + [0.75, 0.75, 0.0]
+
+
+def test_what_is_said_of_free_candidates_is_of_these_alone() -> None:
+    objects = predictions()
+    free, success = predicted(objects, 1, free=True)
+    everything, _ = predicted(objects, 1, free=False)
+    kept = np.concatenate([~o.collides[o.grasp_type == 1] for o in objects])
+    assert np.array_equal(everything["_flag"][kept], free["_flag"]) and len(success) == kept.sum() < len(kept)
+    assert np.array_equal(free[""], np.where(success, 0.9, 0.1)) and set(free["_before"]) == {0.5}
 
 
 def test_files_round_trip(config: TrainConfig, tmp_path) -> None:
@@ -185,7 +209,7 @@ def test_the_model_card_says_what_was_measured(config: TrainConfig) -> None:
     card = model_card(results, config, objects=10, trials=600, size=2_000_000)
     rate = f"{100 * results['by_ranking']['nested']['all']['CG']:.1f}"
     assert rate in card and "600 simulated trials" in card and "2 MB" in card
-    assert "log_odds in 4 of 5 folds" in card and "| WPG | 0.250 | 0.010 |" in card and "## Limits" in card
+    assert "log_odds in 4 of 5 folds" in card and "| WPG, all | 0.010 | " in card and "## Limits" in card
 
 
 @pytest.mark.parametrize("content", [None, "", "{", "[]", '{"schema": 2}', json.dumps({"schema": 1})])
@@ -202,9 +226,11 @@ def test_the_table_shows_the_paper_beside_ours(config: TrainConfig) -> None:
     console = Console(width=80, record=True, file=io.StringIO())
     results = build_results(predictions(), config, "d1")
     console.print(tables.results_table(results))
-    console.print(tables.chosen_line(results), tables.calibration_line(results), soft_wrap=True)
+    console.print(tables.chosen_line(results), *tables.calibration_lines(results), sep="\n", soft_wrap=True)
     text = console.export_text()
-    assert "log_odds in 4 of 5 folds, paper in 1 of 5 folds" in text and "WPG 0.100 (as voted" in text
+    assert (
+        "log_odds in 4 of 5 folds, paper in 1 of 5 folds" in text and "collision: NPG calibrated 0.010 / 0.100" in text
+    )
     assert "83.8" in text and "nested" in text and "100.0" in text and "…" not in text
 
 

@@ -1,18 +1,24 @@
 """Nested cross-validation: what teaches what, and how the ranking is chosen."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 import torch
+from torch import Tensor
 
 from spgf_torch.affordance.calibration import uncalibrated
+from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.pairs import CellPairs
 from spgf_torch.affordance.ranking import GraspScores
-from spgf_torch.experiment.cross_validation import choose
+from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.experiment.cross_validation import calibrate, calibrated_elsewhere, choose
 from spgf_torch.experiment.described_object import DescribedObject
-from spgf_torch.experiment.experiment import Design
+from spgf_torch.experiment.experiment import Design, Experiment
 from spgf_torch.experiment.learning import side_by_side
+from spgf_torch.progress import Stages
 
 FOLD = np.array([0, 1, 2, 0, 1, 2])
 
@@ -53,19 +59,79 @@ def test_what_nobody_tried_teaches_nothing() -> None:
     assert asked.with_success(torch.tensor([True, False, False, True])).outcomes.sum() == 2
 
 
+def scores_of(log_odds: Tensor, paper: Tensor | None = None) -> GraspScores:
+    """NPG without sensed collisions, one vote each."""
+    paper, zero = log_odds if paper is None else paper, torch.zeros(len(log_odds), dtype=torch.long)
+    by_ranking = {"paper": paper, "log_odds": log_odds, "log_odds_free": log_odds}
+    return GraspScores(zero + 1, paper, paper, by_ranking, zero, zero.bool())
+
+
 @pytest.mark.parametrize(("winner", "paper", "log_odds"), [("paper", 1.0, 0.0), ("log_odds", 0.0, 1.0)])
 def test_the_ranking_that_finds_successes_is_chosen(winner: str, paper: float, log_odds: float) -> None:
     """Grasps 0 to 3 succeed; one score knows that, the other says the opposite. Ties go to the first of the names."""
     success = torch.tensor([True] * 4 + [False] * 4)
     knows, opposite = success.float(), (~success).float()
-    zero = torch.zeros(8, dtype=torch.long)
-    by_ranking = {
-        "paper": knows if paper else opposite,
-        "log_odds": knows if log_odds else opposite,
-        "log_odds_free": knows if log_odds else opposite,
+    scores = scores_of(knows if log_odds else opposite, knows if paper else opposite)
+    assert choose([scores.calibrated(uncalibrated(torch.tensor([0.5, 0.5])))], [success], n=4) == winner
+
+
+def test_an_object_is_calibrated_by_the_other_groups() -> None:
+    """Scores of 0 tell nothing: groups 4 and 6 succeed always, group 9 never. Each gets what the others suggest.
+
+    Of the nine others of group 9 all succeed; of the others of 4 and 6 six and nine in twelve and fifteen.
+    """
+    success = [torch.ones(6).bool(), torch.zeros(6).bool(), torch.ones(3).bool()]
+    scores, groups = [scores_of(torch.zeros(len(its))) for its in success], [4, 9, 6]
+    elsewhere = [float(each.probability[0]) for each in calibrated_elsewhere(scores, success, groups)]
+    assert elsewhere == pytest.approx([3 / 9, 1, 6 / 12], abs=0.01)
+    everywhere = scores[0].calibrated(calibrate(scores, success, groups))
+    assert float(everywhere.probability[0]) == pytest.approx(9 / 15, abs=0.01)
+
+
+def test_inner_folds_hold_out_what_they_do_not_teach() -> None:
+    """Folds {0, 3}, {1, 4}, {2, 5}: what the last two teach is asked about the first for the sake of 1 and of 2."""
+    assert Design(FOLD, np.arange(6), limit=6).inner_folds() == {
+        (2, 5): [(0, 1), (0, 4), (1, 0), (1, 3)],
+        (1, 4): [(0, 2), (0, 5), (2, 0), (2, 3)],
+        (0, 3): [(1, 2), (1, 5), (2, 1), (2, 4)],
     }
-    scores = GraspScores(zero + 1, knows, knows, by_ranking, zero, torch.zeros(8, dtype=torch.bool))
-    assert choose([scores], [success], uncalibrated(torch.tensor([0.5, 0.5])), n=4) == winner
+    few = Design(FOLD, np.array([5, 4, 3, 2, 1, 0]), limit=3).inner_folds()
+    assert few == {
+        (2, 5): [(0, 4), (1, 3)],
+        (4,): [(0, 2), (0, 5)],  # the fold 1 may use 3, and not 4
+        (3,): [(1, 2), (1, 5), (2, 1), (2, 4)],
+        (1, 4): [(2, 3)],
+    }
+
+
+class Listening:
+    """In the place of the shape-grasp space: what taught, of which prototypes, and who asked."""
+
+    heard: ClassVar[list[tuple[list[int], list[int], list[int]]]] = []
+
+    def __init__(self, objects: Sequence[DescribedObject], centres: Tensor, config: AffordanceConfig) -> None:
+        self.taught = [int(obj.relations[0, 0]) for obj in objects], centres[:, 0].int().tolist()
+
+    def score_grasps(self, objects: Sequence[DescribedObject]) -> list[GraspScores]:
+        self.heard.append((*self.taught, [int(obj.relations[0, 0]) for obj in objects]))
+        return [scores_of(obj.outcomes.float()) for obj in objects]
+
+
+def test_nobody_is_asked_about_what_taught(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither prototypes nor particles are of an object that is asked about, nor of the fold that is predicted on."""
+    monkeypatch.setattr("spgf_torch.experiment.experiment.TrainingSpace", Listening)
+    monkeypatch.setattr(Listening, "heard", [])
+    objects = [replace(example(40), relations=torch.full((1, 144), float(i))) for i in range(6)]
+    config = TrainConfig(N=10, inner_grasps=20, final_model=False, fold_models=False, affordance=None)
+    fit: Any = lambda relations: relations  # noqa: E731
+    design = Design(FOLD, np.arange(6), limit=6)
+    sampled = [obj.of_grasps(torch.arange(20)) for obj in objects]
+    learned = Experiment(config, design, [], objects, objects, sampled, fit).run(Stages())
+    assert len(learned.scores) == 6 and len(Listening.heard) == 6
+    for taught, prototypes, asked in Listening.heard:
+        assert taught == prototypes and not {*taught} & {*asked}
+        assert len(taught) == (2 if len(asked) == 4 else 4)
+    assert all(each.chosen == "paper" for each in learned.scores)  # the first of equals
 
 
 def test_side_by_side_keeps_the_order_and_passes_errors_on() -> None:

@@ -119,7 +119,7 @@ def parquet() -> list[bytes]:
 
 
 def tensors() -> list[bytes]:
-    names = {"centres": (2, 3), "calibration": (2, 4), "slice_start": (5,), "cell": (0,), "probability": (0,)}
+    names = {"centres": (2, 3), "calibration": (2, 5), "slice_start": (5,), "cell": (0,), "probability": (0,)}
     whole = ("slice_start", "cell")
     made = {n: torch.zeros(s, dtype=torch.int64 if n in whole else torch.float32) for n, s in names.items()}
     return [save({**made, "support": torch.zeros(0), "base_rate": torch.zeros(2)})]

@@ -15,7 +15,7 @@ import torch
 from hostile import ROOT, Case, Write, as_json, model_document, nothing, raw, refused, table, told
 from safetensors.torch import save_file
 
-from spgf_torch.affordance.calibration import TERMS
+from spgf_torch.affordance.calibration import NUMBERS
 from spgf_torch.files.sealing import BLANK
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
@@ -194,7 +194,7 @@ def tensors() -> dict[str, torch.Tensor]:
     """A model of three prototypes and two points."""
     return {
         "centres": torch.rand(3, 144),
-        "calibration": torch.zeros(2, len(TERMS)),
+        "calibration": torch.zeros(2, len(NUMBERS)),
         "slice_start": torch.tensor([0, 1, 1, 1, 1, 1, 2]),
         "cell": torch.tensor([5, 7], dtype=torch.int32),
         "probability": torch.tensor([0.5, 0.25]),
@@ -257,7 +257,7 @@ TENSORS: list[tuple[str, Write, str]] = [
     ("probabilities above 1", safe(probability=torch.tensor([0.5, 1.5])), "probability"),
     ("infinite support", safe(support=torch.tensor([3.0, float("inf")])), "support"),
     ("one base rate", safe(base_rate=torch.tensor([0.5])), "base_rate"),
-    ("calibration of NaN", safe(calibration=torch.full((2, len(TERMS)), float("nan"))), "calibration"),
+    ("calibration of NaN", safe(calibration=torch.full((2, len(NUMBERS)), float("nan"))), "calibration"),
     ("complex numbers", safe(support=torch.zeros(2, dtype=torch.complex64)), "support"),
 ]
 

@@ -10,7 +10,7 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from spgf_torch.affordance.calibration import TERMS, Calibration
+from spgf_torch.affordance.calibration import NUMBERS, Calibration
 from spgf_torch.affordance.config import RANKINGS
 from spgf_torch.affordance.model import GraspModel, save_model
 from spgf_torch.affordance.neighbourhood import Condensed
@@ -89,7 +89,7 @@ def tiny_model(K: int, config: TrainConfig) -> GraspModel:
         torch.tensor([0.1, 0.4]),
     )
     centres = torch.from_numpy(np.radians(rings).reshape(K, -1)).float()
-    return GraspModel(centres, condensed, lattice, Calibration(torch.zeros(2, len(TERMS))), plain(config))
+    return GraspModel(centres, condensed, lattice, Calibration(torch.zeros(2, len(NUMBERS))), plain(config))
 
 
 def write_run(

@@ -79,13 +79,3 @@ def mean_curves(categories: Sequence[str], values: np.ndarray) -> dict[str, np.n
 
 def _members(categories: Sequence[str], name: str) -> np.ndarray:
     return np.flatnonzero([name in ("all", category) for category in categories])
-
-
-def probabilities(objects: Sequence[Predictions], grasp_type: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Probability before and after calibration, and success, of all objects' grasps of a type: each (G,)."""
-    chosen = [of_type(o.grasp_type, grasp_type) for o in objects]
-    before, after, success = (
-        np.concatenate([getattr(o, name)[mask] for o, mask in zip(objects, chosen, strict=True)])
-        for name in ("probability_before", "probability", "success")
-    )
-    return before, after, success

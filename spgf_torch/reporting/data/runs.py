@@ -58,7 +58,9 @@ class Run:
         digests: file name -> SHA-256 of files that have no room for one; empty of older runs.
         by_ranking, interval95: ranking -> rates as fractions, and their 95 % intervals.
         chosen: fold -> the ranking that nested cross-validation chose there; empty of older runs.
-        calibration: grasp type -> Brier score and expected calibration error, before and after; empty of older runs.
+        calibration, calibration_free: grasp type -> Brier score and expected calibration error of each of
+            `evaluation.reliability.PREDICTORS`, on all candidates and on those without a sensed collision; empty of
+            older runs.
     """
 
     folder: Path
@@ -75,6 +77,7 @@ class Run:
     ceiling: Block
     chosen: dict[int, str]
     calibration: dict[str, dict[str, float]]
+    calibration_free: dict[str, dict[str, float]]
     digests: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -139,7 +142,8 @@ def read_run(folder: Path) -> Run:
             random_collision_free=_block(results["random_collision_free"]),
             ceiling=_block(results["ceiling"]),
             chosen={int(fold): checked_name(of, "chosen") for fold, of in results.get("chosen", {}).items()},
-            calibration={grasp_type: _numbers(values) for grasp_type, values in results.get("calibration", {}).items()},
+            calibration=_of_types(results, "calibration"),
+            calibration_free=_of_types(results, "calibration_free"),
             digests=digests,
         )
     except InputError as error:
@@ -279,6 +283,10 @@ def _check_spent(results: Mapping[str, Any]) -> None:
     for key in ("seconds", "costs", "from_cache"):
         for name, value in results.get(key, {}).items():
             number(value, f"{key}.{name}", 0.0)
+
+
+def _of_types(results: Mapping[str, Any], key: str) -> dict[str, dict[str, float]]:
+    return {grasp_type: _numbers(values) for grasp_type, values in results.get(key, {}).items()}
 
 
 def _numbers(content: Mapping[str, float]) -> dict[str, float]:

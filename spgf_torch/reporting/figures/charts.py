@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from spgf_torch.drawing.style import CEILING, CHANCE, LETTERS, PAPER, TYPE_COLOURS
 from spgf_torch.evaluation import paper
-from spgf_torch.evaluation.reliability import Reliability
+from spgf_torch.evaluation.reliability import PREDICTORS, Reliability
 from spgf_torch.evaluation.success import TYPES
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.reporting.data.runs import Run
@@ -94,8 +94,12 @@ def precision_at_n(curves: Precision, n: int, random: Mapping[str, Mapping[str, 
     return _grid(draw, "number of highest-ranked grasps N", legend, tuple(curves.shown))
 
 
-def reliability_diagram(before: Mapping[str, Reliability], after: Mapping[str, Reliability]) -> Figure:
-    """A column a grasp type: observed over predicted success, before and after calibration, and counts below."""
+def reliability_diagram(curves: Mapping[str, Mapping[str, Reliability]]) -> Figure:
+    """A column a grasp type: observed over predicted success, and counts below.
+
+    Args:
+        curves: grasp type -> end of `evaluation.reliability.PREDICTORS` -> its diagram.
+    """
     with mpl.rc_context(LETTERS):
         figure = Figure(figsize=(7.6, 5.2))
         figure.subplots_adjust(0.085, 0.09, 0.985, 0.945, wspace=0.1, hspace=0.1)
@@ -103,13 +107,14 @@ def reliability_diagram(before: Mapping[str, Reliability], after: Mapping[str, R
         for j, kind in enumerate(GRASP_TYPES):
             upper, lower = axes[0, j], axes[1, j]
             upper.plot([0, 1], [0, 1], color=CHANCE, linestyle=(0, (4, 3)), linewidth=1)
-            for shift, (curve, colour, label) in enumerate(
-                ((before[kind], PAPER, "before calibration"), (after[kind], TYPE_COLOURS[kind], "after calibration"))
-            ):
-                _reliability(upper, curve, colour, label)
+            for shift, (end, colour) in enumerate((("_before", PAPER), ("", TYPE_COLOURS[kind]))):
+                curve = curves[kind][end]
+                _reliability(upper, curve, colour, PREDICTORS[end])
                 bins = len(curve.count)
                 at = (np.arange(bins) + 0.3 + 0.4 * shift) / bins
                 lower.bar(at, curve.count, width=0.36 / bins, color=colour)
+            flag = curves[kind]["_flag"]
+            upper.plot(flag.predicted, flag.observed, "D", color="#202020", markersize=5, label=PREDICTORS["_flag"])
             upper.set(title=f"{kind}: probability and outcome", xlim=(0, 1), ylim=(0, 1))
             upper.legend(loc="lower right")
             lower.set(xlabel="predicted probability of success", yscale="log", ylim=(1, None))

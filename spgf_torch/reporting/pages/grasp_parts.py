@@ -9,7 +9,7 @@ import numpy as np
 
 from spgf_torch.drawing.page import Section, caption, chart, drawn, picture, png, table, turning
 from spgf_torch.evaluation.predictions import Predictions
-from spgf_torch.evaluation.reliability import BINS, reliability
+from spgf_torch.evaluation.reliability import BINS, Reliability, predicted, reliability, score_table
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.reporting.data.predictions import (
@@ -17,20 +17,13 @@ from spgf_torch.reporting.data.predictions import (
     class_curves,
     mean_curves,
     precision_at,
-    probabilities,
 )
-from spgf_torch.reporting.figures.charts import Precision, precision_at_n, reliability_diagram
+from spgf_torch.reporting.figures.charts import FEW, Precision, precision_at_n, reliability_diagram
 from spgf_torch.reporting.figures.scenes import Held, worst
 from spgf_torch.reporting.figures.views import worst_view
 from spgf_torch.reporting.pages.context import Context, Part
 
 PAPER = "paper"
-SCORES = {
-    "brier_before": "Brier, before",
-    "brier": "Brier, after",
-    "ece_before": "calibration error, before",
-    "ece": "after",
-}
 
 
 def precision_part(context: Context, objects: Sequence[Predictions]) -> Part:
@@ -59,23 +52,24 @@ def precision_part(context: Context, objects: Sequence[Predictions]) -> Part:
 
 
 def reliability_part(context: Context, objects: Sequence[Predictions]) -> Part:
-    """Reliability before and after calibration."""
-    known = {kind: probabilities(objects, kind) for kind in GRASP_TYPES}
-    before, after = (
-        {kind: reliability(values[which], values[2]) for kind, values in known.items()} for which in (0, 1)
-    )
-    figure = reliability_diagram(before, after)
+    """Reliability before and after calibration, and of a predictor that knows the collision flag alone."""
+    curves: dict[str, dict[str, Reliability]] = {}
+    for code, grasp_type in enumerate(GRASP_TYPES):
+        of_predictor, success = predicted(objects, code, free=True)
+        curves[grasp_type] = {end: reliability(probability, success) for end, probability in of_predictor.items()}
+    figure = reliability_diagram(curves)
     words = caption(
-        f"What is predicted and what happens, on novel objects, K = {context.shown.K}: all candidate grasps in {BINS} "
-        "bins of predicted probability. On the dashed line, of the grasps that are given 70 % exactly 70 % "
-        "succeed. Grey: the mean learned probability of a grasp's votes; coloured: calibrated on training objects. "
-        "Hollow points stand for fewer than 20 grasps; below, the number of grasps in each bin (logarithmic)."
+        f"What is predicted and what happens, on novel objects, K = {context.shown.K}: candidate grasps without a "
+        f"sensed collision in {BINS} bins of predicted probability. On the dashed line, of the grasps that are given "
+        "70 % exactly 70 % succeed. Grey: the mean learned probability of a grasp's votes; coloured: calibrated inside "
+        "the training folds, with a curve that may be level below a score which they choose; diamonds: a predictor "
+        "that knows the collision flag alone, from the training folds, and gives all these grasps the same. Hollow "
+        f"points stand for fewer than {FEW} grasps; below, the number of grasps in each bin (logarithmic). Of all "
+        "candidates the flag tells most: nearly none with a sensed collision succeeds, and a predictor needs no votes "
+        "to know that. So the table has both."
     )
-    numbers = context.shown.calibration
-    rows = [
-        [kind, *(f"{numbers[kind][key]:.3f}" if key in numbers[kind] else "-" for key in SCORES)] for kind in numbers
-    ]
-    body = words + chart(figure, "reliability diagram") + (table(["", *SCORES.values()], rows) if rows else "")
+    head, rows = score_table(context.shown.calibration_free, context.shown.calibration)
+    body = words + chart(figure, "reliability diagram") + (table(head, rows) if rows else "")
     return Part(Section("reliability", "Reliability", body), {"reliability.png": png(drawn(figure))})
 
 
