@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.extras import installed, remedy
 from spgf_torch.files.given import check_files, model_and_judge
 from spgf_torch.hands.config import GRASP_TYPES
-from spgf_torch.progress import Stages, show
+from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.scene.config import PredictConfig
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def run(config: PredictConfig, folder: Path) -> None:
     from spgf_torch.predictor import Predictor, sensing_of
     from spgf_torch.scene.assembly import read_scene
 
-    stages = Stages()
+    stages = ProgressReporter()
     check_device(config.device)
     sensing = sensing_of(votes, judge)
     with stages.stage("scene", 1, "input") as advance:
@@ -142,4 +142,4 @@ def run(config: PredictConfig, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    door("predict", PredictConfig, run)
+    run_command("predict", PredictConfig, run)

@@ -100,7 +100,7 @@ class Predictor:
     def ready(self) -> Predictor:
         """Do now what the first prediction would do besides: tables of the model, and compiled loops; seconds."""
         if (proposer := self.proposer) is not None:
-            _ = proposer.index, proposer.shortlist, proposer.moves
+            _ = proposer.index, proposer.grasp_seeds, proposer.moves
         self.predict(block(self.sensing.spacing))
         return self
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from omegaconf import OmegaConf
 
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.errors import IncompleteError, InputError
 from spgf_torch.extras import needed
 from spgf_torch.files.given import check_folder
-from spgf_torch.progress import Stages, show
+from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.settings import plain
 from spgf_torch.simulation.config import SimulateConfig
 
@@ -44,7 +44,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
     from spgf_torch.simulation.run_state import Journal, rows_of
 
     share, out = share_of(config), Path(config.out) if config.out else folder
-    stages = Stages()
+    stages = ProgressReporter()
     found = read_objects(config, stages)
     for note in found.notes:
         show(note)
@@ -141,4 +141,4 @@ def _tell(journal: Journal, objects: Sequence[GraspObject]) -> None:
 
 
 if __name__ == "__main__":
-    door("simulate", SimulateConfig, run)
+    run_command("simulate", SimulateConfig, run)

@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from doors import ROOT, python
+from commands import ROOT, python
 
 from spgf_torch.errors import InputError
 from spgf_torch.extras import PACKAGES, installed, needed

@@ -7,7 +7,7 @@ import sys
 import tomllib
 from pathlib import Path
 
-from doors import ROOT
+from commands import ROOT
 
 CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
 # One a contract, and a room that may not have it.

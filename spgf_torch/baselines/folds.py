@@ -26,7 +26,7 @@ from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.success import top_n
 from spgf_torch.geometry import se3
 from spgf_torch.hands.config import GRASP_TYPES
-from spgf_torch.progress import Stages, console
+from spgf_torch.progress import ProgressReporter, console
 
 MODEL, JUDGED = "model.safetensors", "judged.safetensors"
 
@@ -61,7 +61,9 @@ def inner_split(
     return sorted(order[count:]), sorted(order[:count])
 
 
-def run_folds(data: Data, config: BaselineConfig, work: Path, origin: str, stages: Stages) -> dict[int, Judged]:
+def run_folds(
+    data: Data, config: BaselineConfig, work: Path, origin: str, stages: ProgressReporter
+) -> dict[int, Judged]:
     """Fold -> what its network says. What is finished is kept in `work`, and taken from there."""
     tests = np.unique(data.fold).tolist()
     with stages.stage("learning", len(tests) * config.learning.epochs, "epochs") as advance:

@@ -25,7 +25,7 @@ class Multirun:
     """Travels to the jobs, wherever a launcher runs them; each leaves a note of how it ended.
 
     Attributes:
-        command: the door.
+        command: its name.
         process: the one that was called.
         notes: folder of one JSON file a job, gone after `summary`; on a cluster all nodes see it.
     """

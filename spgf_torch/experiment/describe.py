@@ -17,13 +17,13 @@ from torch import Tensor
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.pairs import CellPairs, cell_pairs
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
-from spgf_torch.cache import Cache, fingerprint, program
+from spgf_torch.cache import Cache, code_fingerprint, fingerprint
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor, library
 from spgf_torch.features.interface import VectorFeatures
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.texlets import Texlets
@@ -87,7 +87,9 @@ class Description:
     device: str = "cpu"
     cache: Cache = field(default_factory=lambda: Cache(None))
 
-    def describe(self, objects: Sequence[GraspObject], grasps: Sequence[Grasps], stages: Stages) -> list[Described]:
+    def describe(
+        self, objects: Sequence[GraspObject], grasps: Sequence[Grasps], stages: ProgressReporter
+    ) -> list[Described]:
         """Sense objects, compute features, pair these with grasps, look for collisions; a stage of progress each."""
         all_steps = [Steps(self, obj, tried) for obj, tried in zip(objects, grasps, strict=True)]
 
@@ -220,4 +222,4 @@ class Steps:
 
 def _key(compute: Callable[..., Any], *parts: Any) -> str:
     """The key of what the function `compute` of another room makes of `parts`."""
-    return fingerprint(program(compute.__module__), Path(__file__).read_bytes(), GRASP_TYPES, *parts)
+    return fingerprint(code_fingerprint(compute.__module__), Path(__file__).read_bytes(), GRASP_TYPES, *parts)

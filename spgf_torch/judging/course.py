@@ -31,7 +31,7 @@ from spgf_torch.judging.survey import survey
 from spgf_torch.judging.validation import cross_validated, executed, validation_rows
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.hypotheses import Search
 from spgf_torch.proposing.judge import Judge, save_judge
@@ -60,7 +60,7 @@ class Course:
     given: list[OwnTrials] | None
 
     @staticmethod
-    def of(objects: Sequence[GraspObject], config: JudgeConfig, cache: Cache, stages: Stages) -> Course:
+    def of(objects: Sequence[GraspObject], config: JudgeConfig, cache: Cache, stages: ProgressReporter) -> Course:
         """InputError where the settings, the objects and the tables do not go together."""
         check_address(config.runner, config.address)
         proposing = config.proposing

@@ -20,10 +20,10 @@ from spgf_torch.judging.own_trials import OwnOrigin, OwnTrials
 from spgf_torch.judging.rows import PICKED, SAMPLED, Bench, Chosen, Rows
 from spgf_torch.judging.trying import tried
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
-from spgf_torch.proposing.spreading import suppress
+from spgf_torch.proposing.sampling import non_maximum_suppression
 from spgf_torch.simulation.execute import Trials, origin, sample, table_of
 from spgf_torch.simulation.executors import Runner
 from spgf_torch.simulation.table import TrialTable, pose_matrix
@@ -42,7 +42,7 @@ class Workshop:
     search: Search
     config: JudgeConfig
     cache: Cache
-    stages: Stages
+    stages: ProgressReporter
     runner: Callable[[], Runner]
 
 
@@ -95,7 +95,9 @@ def choose(bench: Bench, judge: Judge, number: int, config: JudgeConfig) -> Chos
     for index, (hypotheses, numbers) in enumerate(zip(bench.hypotheses, bench.numbers, strict=True)):
         p = judge.probability(numbers, images=True)
         alike = torch.zeros(len(p), dtype=torch.int64)
-        best = suppress(hypotheses.T, alike, p, config.proposing.apart, config.proposing.apart_deg)[: config.best]
+        best = non_maximum_suppression(hypotheses.T, alike, p, config.proposing.apart, config.proposing.apart_deg)[
+            : config.best
+        ]
         others = torch.randperm(len(p), generator=rng)
         others = others[~torch.isin(others, best)][: config.random if number <= config.rounds else 0]
         both = torch.cat([best, others])

@@ -7,7 +7,7 @@ from functools import partial
 
 from torch import Tensor
 
-from spgf_torch.cache import Cache, fingerprint, program
+from spgf_torch.cache import Cache, code_fingerprint, fingerprint
 from spgf_torch.errors import IncompleteError
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.settings import plain
@@ -32,7 +32,7 @@ def tried(
 
     The outcomes of a request are kept in `cache` when they are known. Raises IncompleteError where a trial has none.
     """
-    common = (trials.hand.digest, plain(trials.episode), versions(), program(physics.__module__))
+    common = (trials.hand.digest, plain(trials.episode), versions(), code_fingerprint(physics.__module__))
     keys = [fingerprint(obj.digest, kind, T, *common) for obj, kind, T in requests]
 
     def again(request: Request) -> dict[str, Tensor]:

@@ -17,7 +17,7 @@ from spgf_torch.objects.library import load_objects
 from spgf_torch.objects.manifest import CATEGORIES, MANIFEST, Entry, read_manifest
 from spgf_torch.objects.scans import FITTED, NOTHING_KEPT, Body, Scan, Source, read_body, scan_of
 from spgf_torch.paths import find
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 
 AUTO = "auto"  # unit: the layout's own
 LISTED = "manifest"  # category: what the manifest says
@@ -39,7 +39,7 @@ class Objects:
     notes: list[str]
 
 
-def read_objects(config: ObjectsConfig, stages: Stages, cache: Cache = NOTHING_KEPT) -> Objects:
+def read_objects(config: ObjectsConfig, stages: ProgressReporter, cache: Cache = NOTHING_KEPT) -> Objects:
     """Every object of the folder `config.objects`.
 
     Descriptions (*.yaml, `library`), or meshes: those that `manifest.csv` names with their files, else those of the

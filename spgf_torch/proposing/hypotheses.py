@@ -29,7 +29,7 @@ from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.hand_geometry import ClosingRegion, HandGeometry, hand_geometry
 from spgf_torch.proposing.pushing import Pieces, deepest_free, extents, pieces_of
-from spgf_torch.proposing.spreading import spread_order
+from spgf_torch.proposing.sampling import farthest_point_sampling
 from spgf_torch.sensing.texlets import Texlets
 
 # Angles between -tilt and tilt at which an approach is tried, of hands that close along a tangent and along the normal.
@@ -156,7 +156,7 @@ def frames(positions: Tensor, normals: Tensor, config: HypothesesConfig) -> Tens
     """T (F, 4, 4) f32 at the seeds: x along closing, z along the approach; none where the normals give no frame."""
     seeds = se3.pose(positions.double(), torch.tensor([1.0, 0, 0, 0]).double().expand(len(positions), 4)).clone()
     seeds[:, :3, 2] = normals
-    at = spread_order(seeds, config.seeds, config.normal_weight)
+    at = farthest_point_sampling(seeds, config.seeds, config.normal_weight)
     near = (
         torch.cdist(positions[at], positions, compute_mode="donot_use_mm_for_euclid_dist") < config.normal_radius
     ).double()

@@ -19,7 +19,7 @@ from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import Seen, in_images, judge_features
 from spgf_torch.proposing.propose import NOTHING, Pool, Proposals, Proposer, votes_by_prototype
-from spgf_torch.proposing.spreading import suppress
+from spgf_torch.proposing.sampling import non_maximum_suppression
 from spgf_torch.proposing.weighing import Numbers
 
 
@@ -103,7 +103,7 @@ def best_of(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig) -> R
 def best_indices(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig) -> Tensor:
     """(G,) int64, those of `best_of`, the best first."""
     alike = torch.zeros_like(hypotheses.grasp_type)  # a wide and a narrow grasp of one place are one grasp
-    kept = suppress(hypotheses.T, alike, score, config.apart, config.apart_deg)
+    kept = non_maximum_suppression(hypotheses.T, alike, score, config.apart, config.apart_deg)
     pool = Pool(hypotheses.T[kept], hypotheses.grasp_type[kept], score[kept])
     kept = kept[of_each := pool.best_of_each_type(config.count)]
     return kept[torch.argsort(pool.score[of_each], descending=True, stable=True)]

@@ -17,7 +17,7 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.geometry import se3
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings
 
@@ -48,7 +48,7 @@ def description(cache: Cache | None = None, **changes: Any) -> Description:
 
 
 def described(settings_: Description) -> list[Described]:
-    return settings_.describe(OBJECTS, GRASPS, Stages())
+    return settings_.describe(OBJECTS, GRASPS, ProgressReporter())
 
 
 def same(first: list[Described], second: list[Described]) -> bool:
@@ -105,7 +105,7 @@ def test_damaged_entries_change_no_bit(tmp_path: Path) -> None:
 def test_objects_are_found_one_by_one(tmp_path: Path) -> None:
     both = described(description(Cache(tmp_path)))
     files = sorted(tmp_path.iterdir())
-    turned = description(Cache(tmp_path)).describe(OBJECTS[::-1], GRASPS[::-1], Stages())
+    turned = description(Cache(tmp_path)).describe(OBJECTS[::-1], GRASPS[::-1], ProgressReporter())
     assert same(turned[::-1], both) and sorted(tmp_path.iterdir()) == files
 
 

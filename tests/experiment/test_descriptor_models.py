@@ -19,7 +19,7 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.geometry import se3
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.propose import Proposer
 from spgf_torch.prototypes.config import PrototypeConfig
@@ -50,7 +50,7 @@ def tried() -> Tried:
 def model(tried: Tried, tmp_path_factory: pytest.TempPathFactory) -> GraspModel:
     """Of the brick, as it comes back from disk."""
     folder = tmp_path_factory.mktemp("model")
-    described = DESCRIBE.describe([BRICK], [tried.grasps], Stages())[0]
+    described = DESCRIBE.describe([BRICK], [tried.grasps], ProgressReporter())[0]
     assert described.relations.shape[1] == 4
     learned = learn_model([Example(described, tried.success)], described.relations[:3], DESCRIBE.affordance)
     made = {"sensing": DESCRIBE.sensing, "features": DESCRIBE.features, "affordance": DESCRIBE.affordance}

@@ -23,7 +23,7 @@ from spgf_torch.judging.rounds import choose
 from spgf_torch.judging.rows import SAMPLED, SUCCESS, Bench, Chosen, Rows
 from spgf_torch.judging.trying import tried
 from spgf_torch.objects.folders import read_objects
-from spgf_torch.progress import Stages, show
+from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.settings import typed
@@ -84,7 +84,7 @@ def tried_with(run: Path, cache: Path, objects: str, trials: str) -> Tried:
     values = yaml_values(run / "config.yaml", "the settings of a run of judge", sealed=True)
     config = typed(JudgeConfig, {k: v for k, v in values.items() if k in JudgeConfig.__dataclass_fields__})
     config = replace(config, objects=objects, trials=config.trials and trials, workers=2)
-    stages, proposing = Stages(), config.proposing
+    stages, proposing = ProgressReporter(), config.proposing
     found = read_objects(config, stages, Cache(None)).objects
     clearance = Clearance(
         open_hand(config.hand), proposing.plane_clearance, proposing.between, proposing.obstacle_clearance

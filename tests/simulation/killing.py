@@ -1,4 +1,4 @@
-"""python tests/trials/killing.py FOLDER KILLS SEED HAND: campaigns killed at random moments, again and again.
+"""python tests/simulation/killing.py FOLDER KILLS SEED HAND: campaigns killed at random moments, again and again.
 
 One process imports everything and forks the calls, so that a kill costs a fraction of a second. A call is a process
 group of its own together with the processes that try; SIGKILL ends it as a whole, the next one goes on in its folder
@@ -18,7 +18,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from campaigns import Calls, manifest, tables
+sys.path.append(str(Path(__file__).parents[1]))
+
+from generations import Calls, manifest, tables
 from toys import TRIALS, Toy, checksum, toss
 from trial_objects import can
 

@@ -1,6 +1,6 @@
 """Two objects and eight trials, the first of which is worked out by hand.
 
-The hand and the pose are those of tests/exporting/asymmetric.py (m; c = cos 30 deg = 0.8660254, s = 0.5):
+The hand and the pose are those of tests/asymmetric.py (m; c = cos 30 deg = 0.8660254, s = 0.5):
     T_object_tcp = [0 -c s 0.1; 1 0 0 0.2; 0 s c 0.3]      T_base_tcp = [0 -1 0 0.02; 1 0 0 0; 0 0 1 0.2]
 The exported gripper frame has the axes of tcp and the origin of the base, which stands at
     -R_base_tcp^T (0.02, 0, 0.2) = (0, 0.02, -0.2) in tcp, hence in the object at

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
-from campaigns import Calls, manifest, tables
+from generations import Calls, manifest, tables
 from toys import TRIALS, WORDS, Toy, checksum, toss
 
 from spgf_torch.errors import InputError

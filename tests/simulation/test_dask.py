@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from campaigns import Calls, tables
+from generations import Calls, tables
 from toys import TRIALS, Toy, toss
 
 from spgf_torch.errors import InputError

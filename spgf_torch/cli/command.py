@@ -1,4 +1,4 @@
-"""What all doors share: Hydra composition, run folders, progress, and one line with status 2 for bad input."""
+"""What all commands share: Hydra composition, run folders, progress, and one line with status 2 for bad input."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ OUT_OF_MEMORY = ("can't allocate memory", "Cannot allocate memory", "failed to m
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
-def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
+def run_command(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
     """Compose `conf/<command>.yaml` with the command line, check it against `kind`, and call `run(config, folder)`.
 
     `folder` is a fresh `outputs/<command>/<date-time>_<what varies>/`; `outputs/<command>/latest` points at it once
@@ -196,7 +196,7 @@ def _config(kind: type[T], composed: DictConfig) -> T:
 
 
 def _without_missing_k(composed: DictConfig) -> dict[str, Any]:
-    """The composed values; `K`, where the user named none, is the prototype room's default."""
+    """The composed values; `K`, where the user named none, is the default of `conf/prototypes`."""
     values: dict[str, Any] = OmegaConf.to_container(composed, resolve=True)  # type: ignore[assignment]
     if values.get("K") == "???":
         values["K"] = values["prototypes"]["num_clusters"]
@@ -204,5 +204,5 @@ def _without_missing_k(composed: DictConfig) -> dict[str, Any]:
 
 
 def _own_keys_first(values: dict[str, Any]) -> dict[str, Any]:
-    """The same with the door's own keys before its rooms', which take some of them: an error names what was given."""
+    """Move the command's own keys before its groups', which copy some of them: an error names the given one."""
     return dict(sorted(values.items(), key=lambda entry: isinstance(entry[1], dict)))

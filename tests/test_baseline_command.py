@@ -13,7 +13,7 @@ from omegaconf import OmegaConf
 
 from spgf_torch.baseline import run
 from spgf_torch.baselines.config import BaselineConfig
-from spgf_torch.cli.door import slug
+from spgf_torch.cli.command import slug
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.export import run as export

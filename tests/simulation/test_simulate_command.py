@@ -13,7 +13,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from spgf_torch import simulate
-from spgf_torch.cli.door import door, slug
+from spgf_torch.cli.command import run_command, slug
 from spgf_torch.cli.multirun import lines
 from spgf_torch.errors import IncompleteError, InputError
 from spgf_torch.reporting.config import ReportConfig
@@ -125,7 +125,7 @@ def test_a_full_disk_is_one_line(place: Path, monkeypatch: pytest.MonkeyPatch) -
         (KeyboardInterrupt(), 130, "report: interrupted\n"),
     ],
 )
-def test_how_a_door_ends(
+def test_how_a_command_ends(
     error: BaseException, status: int, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any
 ) -> None:
     def run(config: ReportConfig, folder: Path) -> None:
@@ -136,7 +136,7 @@ def test_how_a_door_ends(
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
     monkeypatch.setattr(sys, "argv", ["report"])
     with pytest.raises(SystemExit) as ended:
-        door("report", ReportConfig, run)
+        run_command("report", ReportConfig, run)
     assert ended.value.code == status and capfd.readouterr().err.startswith(told)
     assert (tmp_path / "outputs/report/latest").exists() == isinstance(error, IncompleteError)
 
@@ -156,7 +156,7 @@ def test_simulate_as_slurm_array_jobs() -> None:
 
 
 def test_what_submitit_pickles() -> None:
-    """A door runs as __main__, whose functions travel with all globals that they use."""
+    """A command runs as __main__, whose functions travel with all globals that they use."""
     cloudpickle = pytest.importorskip("cloudpickle")
     cloudpickle.register_pickle_by_value(simulate)
     try:
