@@ -120,7 +120,7 @@ def _tables(
     """
     from spgf_torch.experiment.labelled_grasps import tables_of
     from spgf_torch.hands.hand import load_hand
-    from spgf_torch.simulation.attempts import Trials
+    from spgf_torch.simulation.worker import Trials
 
     try:
         return tables_of(objects, config.trials, Trials(load_hand(config.hand), config.episode), config.sampler), False

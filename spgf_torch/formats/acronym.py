@@ -83,7 +83,7 @@ def write_acronym(folder: Path, trials: TrialSet, advance: Callable[[int], None]
 def write_file(path: Path, obj: GraspObject, table: TrialTable, gripper: Gripper, grasps: Grasps) -> None:
     """One object's trials with one gripper."""
     volume = float(abs(obj.mesh.volume))
-    friction = float(table.origin.episode["friction"])
+    friction = float(table.provenance.episode["friction"])
     scalars = (SCALE, obj.mass, obj.mass / volume, friction, volume)
     with _opened(path, "w") as file:
         group = file.create_group("object")

@@ -50,7 +50,7 @@ LAYOUT = {
 
 def card(trials: TrialSet, config: ExportConfig, formats: Sequence[str]) -> dict[str, Any]:
     """What `card.json` holds, but for the checksums."""
-    origin, hand = trials.tables[0].origin, trials.hand
+    provenance, hand = trials.tables[0].provenance, trials.hand
     settings = {key: value for key, value in plain(config).items() if key not in PRIVATE}
     return {
         "schema": SCHEMA,
@@ -64,7 +64,7 @@ def card(trials: TrialSet, config: ExportConfig, formats: Sequence[str]) -> dict
         "grippers": [gripper.name for gripper in trials.grippers.values()],
         "objects": [_object(trials, i) for i in range(len(trials.objects))],
         "trials": {
-            **{key: value for key, value in asdict(origin).items() if not key.startswith("object")},
+            **{key: value for key, value in asdict(provenance).items() if not key.startswith("object")},
             "hand": hand.config.name,
             "versions": trials.tables[0].versions,
         },

@@ -35,7 +35,7 @@ def read_trial_set(config: ExportConfig, stages: ProgressReporter) -> TrialSet:
         if path.stem not in names:
             raise InputError(f"{path}: expected its object {path.stem} in objects={config.objects}, got none")
     hand = load_hand(config.hand)
-    first = read_table(paths[0]).origin  # sampler, episode, number and seed are the table's to say
+    first = read_table(paths[0]).provenance  # sampler, episode, number and seed are the table's to say
     if first.hand_digest != hand.digest:
         raise InputError(f"{paths[0]}: expected trials of hand={config.hand.name}, got those of another hand")
     expected = [replace(first, object_name=obj.name, object_digest=obj.digest) for obj in found.objects]

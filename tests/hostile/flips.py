@@ -26,7 +26,7 @@ from spgf_torch.files.sealing import SUMS, sealed_json, sealed_yaml  # noqa: E40
 from spgf_torch.formats.card import CARD, check_card, checksums  # noqa: E402
 from spgf_torch.reporting.data.predictions import read_predictions  # noqa: E402
 from spgf_torch.reporting.data.runs import read_per_object, read_run  # noqa: E402
-from spgf_torch.simulation.run_state import Journal  # noqa: E402
+from spgf_torch.simulation.run_state import RunState  # noqa: E402
 from spgf_torch.simulation.table import read_table, write_table  # noqa: E402
 
 
@@ -62,7 +62,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "versions": {"sapien": "3"},
     }
     (folder / "journal").mkdir()
-    journal = Journal(folder / "journal", (1, 1), made_with)
+    journal = RunState(folder / "journal", (1, 1), made_with)
     journal.write_manifest()
     folds = held_out(folder / "held")
     return {

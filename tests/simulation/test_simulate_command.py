@@ -19,8 +19,8 @@ from spgf_torch.errors import IncompleteError, InputError
 from spgf_torch.reporting.config import ReportConfig
 from spgf_torch.settings import plain, typed
 from spgf_torch.simulation.config import SimulateConfig
-from spgf_torch.simulation.executors import Here
-from spgf_torch.simulation.generation import Campaign
+from spgf_torch.simulation.executors import InlineExecutor
+from spgf_torch.simulation.generation import Generation
 from spgf_torch.simulation.table import read_table
 
 ROOT = Path(__file__).parents[2]
@@ -40,7 +40,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         shutil.copy(ROOT / f"data/objects/{name}.yaml", tmp_path / "objects")
     (tmp_path / "run").mkdir()
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(simulate, "runner_of", lambda config: Here())
+    monkeypatch.setattr(simulate, "executor_of", lambda config: InlineExecutor())
     return tmp_path
 
 
@@ -83,7 +83,7 @@ def test_the_fast_episode(place: Path) -> None:
     whole = ["objects=objects", "candidates=2", "out=table"]
     simulate.run(config(*whole, "episode=fast", "shard=1/2"), Path("run"))
     made = json.loads((place / "table/manifest.1-of-2.json").read_text())["made_with"]["episode"]
-    assert made == read_table(place / "table/egg.parquet").origin.episode == plain(config("episode=fast").episode)
+    assert made == read_table(place / "table/egg.parquet").provenance.episode == plain(config("episode=fast").episode)
     before = {path: path.read_bytes() for path in place.rglob("*") if path.is_file()}
     with pytest.raises(InputError, match=r"egg.parquet: expected trials made with episode.dt 0.002, got 0.005"):
         simulate.run(config(*whole), Path("run"))
@@ -92,15 +92,15 @@ def test_the_fast_episode(place: Path) -> None:
 
 def test_an_object_without_candidates(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is told and in the manifest; the other one has its table."""
-    from spgf_torch.simulation import generation as campaign
+    from spgf_torch.simulation import generation as generation
 
-    def sample(obj: Any, origin: Any) -> Any:
+    def sample(obj: Any, provenance: Any) -> Any:
         if obj.name == "egg":
             raise ValueError("no surface")
-        return original(obj, origin)
+        return original(obj, provenance)
 
-    original = campaign.sample
-    monkeypatch.setattr(campaign, "sample", sample)
+    original = generation.sample
+    monkeypatch.setattr(generation, "sample", sample)
     with pytest.raises(IncompleteError, match=r"1 objects without a table: table/manifest.json says why"):
         simulate.run(config("objects=objects", "candidates=3", "out=table"), Path("run"))
     assert [path.name for path in (place / "table").glob("*.parquet")] == ["soap_bar.parquet"]
@@ -109,10 +109,10 @@ def test_an_object_without_candidates(place: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_a_full_disk_is_one_line(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def run(self: Campaign, *args: Any) -> None:
+    def run(self: Generation, *args: Any) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(Campaign, "run", run)
+    monkeypatch.setattr(Generation, "run", run)
     with pytest.raises(IncompleteError, match=r"^table: expected room to write, got No space left on device; 0 cand"):
         simulate.run(config("objects=objects", "candidates=3", "out=table"), Path("run"))
 

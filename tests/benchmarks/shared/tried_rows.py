@@ -27,9 +27,9 @@ from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.settings import typed
-from spgf_torch.simulation.attempts import Trials
-from spgf_torch.simulation.execute import origin, sample
+from spgf_torch.simulation.execute import provenance_of, sample
 from spgf_torch.simulation.table import TrialTable, pose_matrix
+from spgf_torch.simulation.worker import Trials
 from spgf_torch.threads import in_parts
 
 
@@ -123,7 +123,7 @@ def _random(made: Tried) -> list[Chosen]:
             poses.append(Hypotheses(table.T_object_tcp[at], table.grasp_type[at]))
     else:
         for obj in objects:
-            sampled = sample(obj, origin(obj, made.trials, config.sampler, config.candidates, config.seed))
+            sampled = sample(obj, provenance_of(obj, made.trials, config.sampler, config.candidates, config.seed))
             kind = torch.arange(len(GRASP_TYPES)).repeat_interleave(config.candidates)
             poses.append(Hypotheses(pose_matrix(sampled.position, sampled.quaternion), kind))
     nowhere = [torch.full((len(its),), -1) for its in poses]
