@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def by_type(grasps: Sequence[Grasp]) -> str:
     """How many there are of each type: `10 NPG, 10 WPG`."""
     counted = Counter(grasp.type for grasp in grasps)
-    return ", ".join(f"{counted[kind]} {kind}" for kind in GRASP_TYPES)
+    return ", ".join(f"{counted[grasp_type]} {grasp_type}" for grasp_type in GRASP_TYPES)
 
 
 def _ranking(predictor: Predictor, votes: Path | None, judge: Path | None, scene: Scene) -> list[str]:

@@ -90,7 +90,7 @@ class Predictor:
         model = None if votes is None else load_model(votes, device)
         hand = (model or its_judge).settings["hand"]  # type: ignore[union-attr]
         grippers = grippers_of(load_hand(typed(HandConfig, hand)))
-        volumes = {kind: hand_volume(gripper.shapes) for kind, gripper in grippers.items()}
+        volumes = {grasp_type: hand_volume(gripper.shapes) for grasp_type, gripper in grippers.items()}
         if model is None:
             judged = JudgedProposer.alone(its_judge, volumes, config)  # type: ignore[arg-type]
             return Predictor(None, sensing, grippers, None, retreat, judged)
@@ -188,10 +188,10 @@ class Predictor:
     def grasps(self, proposals: Proposals, top: int) -> list[Grasp]:
         """The best of the proposals, with everything that a robot needs."""
         kept = sorted({i for indices in proposals.best(top).values() for i in indices.tolist()})
-        kinds, found = list(self.grippers), []
+        grasp_types, found = list(self.grippers), []
         for i in kept:
             grasp = make_grasp(
-                self.grippers[kinds[int(proposals.grasp_type[i])]],
+                self.grippers[grasp_types[int(proposals.grasp_type[i])]],
                 proposals.T_object_tcp[i].cpu().numpy(),
                 float(proposals.probability[i]),
                 int(proposals.support[i]),

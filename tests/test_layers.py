@@ -1,4 +1,4 @@
-"""Imports run one way, heavy packages are imported in few places: the contracts in pyproject.toml, held by import-linter."""
+"""Imports run one way, heavy packages are imported in few places: the contracts of import-linter in pyproject.toml."""
 
 import ast
 import shutil

@@ -101,10 +101,10 @@ def write_hand(folder: Path, hand: Hand, gripper: Gripper) -> None:
     folder.mkdir(exist_ok=True)
     robot = xml_root(hand.urdf.read_bytes(), hand.urdf, "a URDF of a hand")
     T = np.linalg.inv(gripper.T_base_tcp @ gripper_frame(gripper))
-    turn = Rotation.from_matrix(T[:3, :3]).as_euler("xyz")
+    rpy = Rotation.from_matrix(T[:3, :3]).as_euler("xyz")
     link = ElementTree.Element("link", name=gripper.name)
     joint = ElementTree.Element("joint", name=f"{gripper.name}_base_joint", type="fixed")
-    ElementTree.SubElement(joint, "origin", xyz=_words(T[:3, 3]), rpy=_words(turn))
+    ElementTree.SubElement(joint, "origin", xyz=_words(T[:3, 3]), rpy=_words(rpy))
     ElementTree.SubElement(joint, "parent", link=gripper.name)
     ElementTree.SubElement(joint, "child", link=gripper.base_link)
     robot[:0] = [link, joint]

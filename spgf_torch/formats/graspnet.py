@@ -88,8 +88,8 @@ def write_graspnet_trials(folder: Path, trials: TrialSet, advance: Callable[[int
         (folder / gripper.name).mkdir(parents=True)
         write_joints(folder / gripper.name / JOINTS, gripper)
     for number, (obj, table) in enumerate(zip(trials.objects, trials.tables, strict=True)):
-        for kind, gripper in trials.grippers.items():
-            rows = _trial_rows(gripper, grasps_of(table, kind, gripper), number)
+        for grasp_type, gripper in trials.grippers.items():
+            rows = _trial_rows(gripper, grasps_of(table, grasp_type, gripper), number)
             np.save(folder / gripper.name / f"{obj.name}.npy", rows, allow_pickle=False)
         advance(1)
     write_splits(folder / "splits", trials, lambda obj: f"{obj.name}.npy")

@@ -84,9 +84,9 @@ def write_isaac_trials(folder: Path, trials: TrialSet, advance: Callable[[int], 
     for gripper in trials.grippers.values():
         (folder / gripper.name).mkdir(parents=True)
     for obj, table in zip(trials.objects, trials.tables, strict=True):
-        for kind, gripper in trials.grippers.items():
+        for grasp_type, gripper in trials.grippers.items():
             path = folder / gripper.name / f"{obj.name}.yaml"
-            path.write_text(_trials_text(obj, gripper, grasps_of(table, kind, gripper)))
+            path.write_text(_trials_text(obj, gripper, grasps_of(table, grasp_type, gripper)))
         advance(1)
     write_splits(folder / "splits", trials, lambda obj: f"{obj.name}.yaml")
 
@@ -109,10 +109,10 @@ def _trials_text(obj: GraspObject, gripper: Gripper, grasps: Grasps) -> str:
     ]
     positions, quaternions = rounded(T[:, :3, 3].numpy()), rounded(se3.quaternion_of(T).numpy())
     rows = zip(grasps.index, grasps.success, positions, quaternions, strict=True)
-    for index, held, position, (w, *xyz) in rows:
+    for index, success, position, (w, *xyz) in rows:
         lines += [
             f"  grasp_{index}:",
-            f"    confidence: {float(held)}",
+            f"    confidence: {float(success)}",
             f"    position: [{_numbers(position)}]",
             f"    orientation: {{w: {_number(w)}, xyz: [{_numbers(xyz)}]}}",
             f"    cspace_position: {closed}",
@@ -158,9 +158,9 @@ def _plain(grasp: Grasp, gripper: Gripper) -> dict[str, Any]:
 
 def _grasp(key: str, values: Any, path: Path) -> IsaacGrasp:
     where = f"{path}: {key}"
-    turn = entry(values, "orientation", where)
-    w = number(entry(turn, "w", where), f"{where}.orientation.w")
-    xyz = vector(entry(turn, "xyz", where), 3, f"{where}.orientation.xyz")
+    orientation = entry(values, "orientation", where)
+    w = number(entry(orientation, "w", where), f"{where}.orientation.w")
+    xyz = vector(entry(orientation, "xyz", where), 3, f"{where}.orientation.xyz")
     if abs(np.hypot(w, np.linalg.norm(xyz)) - 1) > TOLERANCE:
         raise InputError(f"{where}.orientation: expected a quaternion of length 1, got w {w:g}, xyz {xyz.tolist()}")
     T = np.eye(4)

@@ -64,8 +64,8 @@ def gripper_frame(gripper: Gripper) -> np.ndarray:
     return T
 
 
-def grasps_of(table: TrialTable, kind: str, gripper: Gripper) -> Grasps:
+def grasps_of(table: TrialTable, grasp_type: str, gripper: Gripper) -> Grasps:
     """The trials of one grasp type, as poses of the exported gripper frame."""
-    chosen = np.flatnonzero(table.grasp_type.numpy() == GRASP_TYPES.index(kind))
+    chosen = np.flatnonzero(table.grasp_type.numpy() == GRASP_TYPES.index(grasp_type))
     poses = table.T_object_tcp.numpy()[chosen].astype(np.float64) @ gripper_frame(gripper)
     return Grasps(poses, table.success.numpy()[chosen], table.outcome.numpy()[chosen], chosen)

@@ -54,9 +54,9 @@ def write_formats(
 def rates_table(known: Mapping[str, Any]) -> Table:
     """Trials and successes of each class and type."""
     table = Table("", title=f"{known['counts']['trials']:,} trials exported", box=box.SIMPLE_HEAD)
-    for kind in known["rates"]["all"]:
+    for grasp_type in known["rates"]["all"]:
         for word in ("trials", "held", "%"):
-            table.add_column(f"{kind} {word}", justify="right")
+            table.add_column(f"{grasp_type} {word}", justify="right")
     for name, block in known["rates"].items():
         cells = [
             text

@@ -77,7 +77,9 @@ class Proposals:
 
     def best(self, n: int) -> dict[str, Tensor]:
         """The n best of each grasp type and of both together (CG): indices (<= n,) int64, best first."""
-        of_type = {kind: (self.grasp_type == code).nonzero()[:n, 0] for code, kind in enumerate(GRASP_TYPES)}
+        of_type = {
+            grasp_type: (self.grasp_type == code).nonzero()[:n, 0] for code, grasp_type in enumerate(GRASP_TYPES)
+        }
         return {**of_type, "CG": torch.arange(min(n, len(self)), device=self.grasp_type.device)}
 
 
@@ -149,7 +151,7 @@ class Proposer:
     @cached_property
     def regions(self) -> tuple[ClosingRegion, ...]:
         """What the pads of each grasp type sweep."""
-        return tuple(closing_region(self.clearance.volumes[kind]) for kind in GRASP_TYPES)
+        return tuple(closing_region(self.clearance.volumes[grasp_type]) for grasp_type in GRASP_TYPES)
 
     @cached_property
     def moves(self) -> Tensor:

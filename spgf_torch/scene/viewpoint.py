@@ -133,8 +133,8 @@ def _of_frame_or_shape(cloud: Cloud, config: SceneConfig) -> Side | None:
 
 def _alike(eye: np.ndarray, other: np.ndarray, points: np.ndarray, normals: np.ndarray, pitch: float) -> bool:
     """Whether two places (3,), m, turn most of the normals alike."""
-    turned, again = (facing(points, normals, place[None], pitch)[0] for place in (eye, other))
-    return _differ(turned, again) <= 0.5
+    flipped, again = (facing(points, normals, place[None], pitch)[0] for place in (eye, other))
+    return _differ(flipped, again) <= 0.5
 
 
 def _bulges_to(eye: np.ndarray, looks: Sequence[_Look], points: np.ndarray, normals: np.ndarray, pitch: float) -> bool:
@@ -142,8 +142,8 @@ def _bulges_to(eye: np.ndarray, looks: Sequence[_Look], points: np.ndarray, norm
     ray = points - eye
     if float((ray @ ray.mean(axis=0) <= 0).mean()) > BEHIND:
         return False
-    turned, hidden = facing(points, normals, eye[None], pitch)
-    score = outwardness(points, turned) - hidden_share(hidden, pitch)
+    flipped, hidden = facing(points, normals, eye[None], pitch)
+    score = outwardness(points, flipped) - hidden_share(hidden, pitch)
     return score >= max(_HOLLOW, looks[0].score - _CLEARER)
 
 
@@ -196,9 +196,9 @@ def _looked_at(points: np.ndarray, normals: np.ndarray, pitch: float, directions
     outermost, outwards = extremes(points)
     looks = []
     for direction in directions:
-        turned, hidden = facing(points, normals, (middle + away * direction)[None], pitch)
-        bulge = float((turned[outermost] * outwards).sum(axis=1).mean())
-        looks.append(_Look(direction, bulge, hidden_share(hidden, pitch), turned))
+        flipped, hidden = facing(points, normals, (middle + away * direction)[None], pitch)
+        bulge = float((flipped[outermost] * outwards).sum(axis=1).mean())
+        looks.append(_Look(direction, bulge, hidden_share(hidden, pitch), flipped))
     return sorted(looks, key=lambda look: -look.score)
 
 

@@ -229,8 +229,8 @@ def _hand_builder(hand: Hand, material: physx.PhysxMaterial) -> sapien.Articulat
         joint = link.joint_record
         if joint.name in hand.fixed and link.parent.index in T_base_still:
             half = hand.fixed[joint.name] / 2  # about the joint frame's x axis
-            turn = sapien.Pose(q=[math.cos(half), math.sin(half), 0, 0])
-            T_base_link = T_base_still[link.parent.index] * joint.pose_in_parent * turn * joint.pose_in_child.inv()
+            rotation = sapien.Pose(q=[math.cos(half), math.sin(half), 0, 0])
+            T_base_link = T_base_still[link.parent.index] * joint.pose_in_parent * rotation * joint.pose_in_child.inv()
             T_base_still[link.index] = T_base_link
             for shape in link.collision_records:
                 shape.pose = T_base_link * shape.pose

@@ -76,8 +76,8 @@ def sample(obj: GraspObject, provenance: Provenance) -> Poses:
     """Sample the candidates of an object: its random stream follows from the seed and its name alone."""
     sampler = typed(SamplerConfig, provenance.sampler)
     parts = []
-    for kind in GRASP_TYPES:
-        rng = np.random.default_rng([provenance.seed, zlib.crc32(f"{obj.name}/{kind}".encode())])
+    for grasp_type in GRASP_TYPES:
+        rng = np.random.default_rng([provenance.seed, zlib.crc32(f"{obj.name}/{grasp_type}".encode())])
         parts.append(sample_poses(obj, provenance.candidates, sampler, rng))
     return Poses(*(torch.cat(columns) for columns in zip(*parts, strict=True)))
 
@@ -115,9 +115,9 @@ def simulate(
     provenances = [provenance_of(obj, trials, sampler, candidates, seed) for obj in objects]
     poses = [sample(*pair) for pair in zip(objects, provenances, strict=True)]
     requests = [
-        (obj, kind, torch.from_numpy(its.T_object_tcp(index * candidates, (index + 1) * candidates)))
+        (obj, grasp_type, torch.from_numpy(its.T_object_tcp(index * candidates, (index + 1) * candidates)))
         for obj, its in zip(objects, poses, strict=True)
-        for index, kind in enumerate(GRASP_TYPES)
+        for index, grasp_type in enumerate(GRASP_TYPES)
     ]
     outcomes = execute(requests, trials, workers, progress)
     for its_provenance, its_poses in zip(provenances, poses, strict=True):
@@ -135,7 +135,7 @@ def execute(
     `workers`: processes, 0 = one a core, 1 = this one; or an executor. `progress(name, done)` is called whenever
     `done` more candidates of an object have ended. Raises TrialError where one has no outcome.
     """
-    cases = [(Case.of(obj, trials, kind), T.numpy()) for obj, kind, T in requests]
+    cases = [(Case.of(obj, trials, grasp_type), T.numpy()) for obj, grasp_type, T in requests]
     tasks = [
         Task((index, first), case, T[first : first + CHUNK])
         for index, (case, T) in enumerate(cases)
@@ -176,5 +176,5 @@ def _in_order(executor: Executor, tasks: Sequence[Task]) -> Iterator[tuple[Task,
 def _complete(task: Task, ended: ChunkResult) -> ChunkResult:
     reason = ended.unbuilt or next(iter(ended.reasons.values()), "")
     if reason:
-        raise TrialError(f"{task.case.obj.name} {task.case.kind}: {reason}")
+        raise TrialError(f"{task.case.obj.name} {task.case.grasp_type}: {reason}")
     return ended

@@ -101,8 +101,8 @@ class Generation:
             for first, end in chunks:
                 if it.unbuilt:
                     break
-                kind = GRASP_TYPES[first // provenance.candidates]
-                case = Case.of(obj, self.plan.trials, kind, self.plan.make)
+                grasp_type = GRASP_TYPES[first // provenance.candidates]
+                case = Case.of(obj, self.plan.trials, grasp_type, self.plan.make)
                 yield Task((obj.name, first), case, poses.T_object_tcp(first, end))
             if not chunks:
                 self._close(it)

@@ -34,14 +34,14 @@ class Trials:
     episode: EpisodeConfig
 
 
-def physics(obj: GraspObject, trials: Trials, kind: str) -> TrialFunction:
+def physics(obj: GraspObject, trials: Trials, grasp_type: str) -> TrialFunction:
     """Return the trial on an object: a pre-check of collisions, then the episode in SAPIEN."""
     from spgf_torch.simulation.episode import Simulator  # SAPIEN is loaded in workers only
     from spgf_torch.simulation.precheck import PreCheck
 
-    check = PreCheck(obj, trials.hand.preshapes[kind])
+    check = PreCheck(obj, trials.hand.preshapes[grasp_type])
     simulator = Simulator(obj, trials.hand, trials.episode)
-    return lambda T: "collision" if check.collides(T) else simulator.run(T, kind)
+    return lambda T: "collision" if check.collides(T) else simulator.run(T, grasp_type)
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Case:
     """One object and grasp type, and how its trials run; `key` represents all fields that are not compared."""
 
     key: str
-    kind: str
+    grasp_type: str
     obj: GraspObject = field(compare=False)
     trials: Trials = field(compare=False)
     make: Callable[[GraspObject, Trials, str], TrialFunction] = field(default=physics, compare=False)
@@ -58,10 +58,12 @@ class Case:
     def of(
         obj: GraspObject,
         trials: Trials,
-        kind: str,
+        grasp_type: str,
         make: Callable[[GraspObject, Trials, str], TrialFunction] = physics,
     ) -> Case:
-        return Case(f"{obj.digest} {trials.hand.digest} {trials.episode} {make.__qualname__}", kind, obj, trials, make)
+        return Case(
+            f"{obj.digest} {trials.hand.digest} {trials.episode} {make.__qualname__}", grasp_type, obj, trials, make
+        )
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,9 @@ def try_in_process(
     try:
         return process.call(try_chunk, case, T_object_tcp, limit)
     except WorkerDiedError as died:
-        incident = f"{case.obj.name} {case.kind}: a process died ({died}); {len(T_object_tcp)} candidates tried again"
+        incident = (
+            f"{case.obj.name} {case.grasp_type}: a process died ({died}); {len(T_object_tcp)} candidates tried again"
+        )
     outcomes: list[str | None] = []
     reasons: dict[int, str] = {}
     for index in range(-1, len(T_object_tcp)):  # first without a candidate: only the object is loaded
@@ -132,7 +136,7 @@ def try_in_process(
 @lru_cache(maxsize=2)
 def _trial_function(case: Case) -> TrialFunction:
     """Load an object, and keep it in the worker for the following chunks."""
-    return case.make(case.obj, case.trials, case.kind)
+    return case.make(case.obj, case.trials, case.grasp_type)
 
 
 def _overdue(limit: float | None) -> str:
