@@ -1,7 +1,7 @@
 """Tensors that are computed once and shared by runs: a folder of files named by what went into them.
 
 A key is a hash of inputs, settings, seed and code, so that any change gives a new key. An entry is one
-safetensors file with a checksum; it is there as a whole or not at all, whoever writes at the same time. Whatever is
+safetensors file with a checksum; it is written atomically, by any number of processes. Whatever is
 wrong with the folder costs time, never a result.
 """
 
@@ -36,7 +36,7 @@ ENDING = ".safetensors"
 CHECKSUM = "checksum"  # name of the tensor that holds it
 TRIM_EVERY = 32  # entries written between two looks at the size of the folder: other processes write too
 ROOM = 0.9  # of the limit is left after removing entries, so that not every new one removes another
-ABANDONED = 3600  # s; a part this old belongs to nobody any more
+ABANDONED = 3600  # s; a part this old was abandoned
 
 PACKAGE = Path(__file__).parent
 LIBRARIES = ("torch", "numpy", "numba", "llvmlite", "scipy", "trimesh", "embreex", "lightning")
@@ -114,7 +114,7 @@ class Cache:
         if expected is None or expected.tolist() != [checksum(path.stem, tensors)]:
             console.print(f"cache: {path} is damaged; made again")
             return None
-        with suppress(OSError):  # somebody else's folder: its order of use is theirs to keep
+        with suppress(OSError):  # a folder of another user, who keeps its order of use
             os.utime(path)
         return tensors
 

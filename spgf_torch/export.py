@@ -1,4 +1,4 @@
-"""`python -m spgf_torch.export format=...`: a trial table as a data set in other people's formats."""
+"""`python -m spgf_torch.export format=...`: a trial table as a data set in formats of other programs."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ class Predictor:
     """What was learned for a hand, and the hand.
 
     Attributes:
-        model: the votes' model; with it `proposer`; None: of a judge alone, beside whose grasps no votes are told.
+        model: the votes' model; with it `proposer`; None: of a judge alone, whose grasps come without votes.
         sensing: how the training objects were sensed: spacing of texlets.
         grippers: grasp type -> the open hand.
         retreat: m between pregrasp and grasp.
@@ -81,7 +81,7 @@ class Predictor:
             judge: the folder of a judge of this hand that proposes; None: the one in `folder`, if it holds one; `none`:
                 the votes propose.
 
-        Raises InputError where there is none, the hand's URDF is not here, or the judge is of another hand.
+        Raises InputError where there is none, the hand's URDF is missing, or the judge is of another hand.
         """
         check_device(device)
         votes, ranks = model_and_judge(folder, judge)
@@ -212,8 +212,8 @@ def sensing_of(model: Path | None, judge: Path | None) -> SensingConfig:
     if model is not None:
         return typed(SensingConfig, model_settings(model)["sensing"])
     assert judge is not None
-    told = load_judge(judge).settings.get("sensing")
-    return settings(SensingConfig) if told is None else typed(SensingConfig, told)
+    known = load_judge(judge).settings.get("sensing")
+    return settings(SensingConfig) if known is None else typed(SensingConfig, known)
 
 
 def _with_votes(judge: Judge | None, proposer: Proposer) -> JudgedProposer | None:

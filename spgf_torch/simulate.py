@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from spgf_torch.simulation.executors import Executor
     from spgf_torch.simulation.run_state import RunState
 
-SHOWN = 5  # objects that failed and incidents told one by one; the manifest has all
+SHOWN = 5  # objects that failed and incidents printed one by one; the manifest has all
 
 
 def run(config: SimulateConfig, folder: Path) -> None:
@@ -122,12 +122,12 @@ def _tell(run_state: RunState, objects: Sequence[GraspObject]) -> None:
     entries = {obj.name: run_state.objects.get(obj.name, {}) for obj in objects}
     failed = [f"{name}: {entry['reason']}" for name, entry in entries.items() if "reason" in entry]
     stood_for = sum(len(entry.get("failures", [])) for entry in entries.values() if entry.get("state") == "done")
-    told = [*run_state.left_out, *failed, *run_state.incidents]
-    for line in told[:SHOWN]:
+    lines = [*run_state.left_out, *failed, *run_state.incidents]
+    for line in lines[:SHOWN]:
         console.print(line)
-    if len(told) > SHOWN:
-        console.print(f"and {len(told) - SHOWN} more")
-    if told or stood_for:
+    if len(lines) > SHOWN:
+        console.print(f"and {len(lines) - SHOWN} more")
+    if lines or stood_for:
         counts = {
             "objects left out": len(run_state.left_out),
             "objects without a table": len(failed),

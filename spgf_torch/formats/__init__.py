@@ -1,4 +1,4 @@
-"""Formats of other people's programs, each with a reader written from its specification.
+"""Formats of other programs, each with a reader written from its specification.
 
 Predicted grasps: `grasps_json`, `isaac`, `graspnet`. These formats know one gripper, so a hand is one gripper for each
 grasp type: `sdh2_NPG`, `sdh2_WPG`. Frames: `spgf_torch.hands`.

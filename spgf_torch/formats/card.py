@@ -1,6 +1,6 @@
 """The dataset card: what is in the folder, how much of it, from what it was made, under which licence, checksums.
 
-`card.json` for programs, `README.md` for people. The checksums cover every other file.
+`card.json` for programs, `README.md` for readers. The checksums cover every other file.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def checksums(folder: Path) -> dict[str, dict[str, Any]]:
     """File -> its bytes and SHA-256, for every file but the card. Raises InputError for what is no file of its own."""
     found = files_of(folder)
     if odd := [name for name, path in found.items() if not stat.S_ISREG(path.lstat().st_mode)]:
-        raise InputError(f"{folder / odd[0]}: expected a file of a data set, got a link or something else")
+        raise InputError(f"{folder / odd[0]}: expected a plain file of a data set, got a link or a special file")
     return {name: _checksum(path) for name, path in found.items() if name != CARD}
 
 

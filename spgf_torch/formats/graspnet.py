@@ -41,7 +41,7 @@ class GraspnetGrasp:
 
     Attributes:
         score: higher is better. width: m between the fingers. height: m, of a finger across closing and approach.
-        depth: m from the gripper's origin to the fingertips. object_id: -1 where nobody knows.
+        depth: m from the gripper's origin to the fingertips. object_id: -1: unknown.
         T_input_tcp: (4, 4) float64, the row's pose with the axes of tcp: +z approach, +x closing.
     """
 

@@ -25,7 +25,7 @@ _FACTORS = ("free", "holds")
 def write_grasps(
     path: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper], judge: Mapping[str, Any] | None = None
 ) -> None:
-    """Write grasps, best first, a line each: numbers in full, the file as a whole or not at all.
+    """Write grasps, best first, a line each: numbers in full, the file atomically.
 
     T_input_tcp and T_input_pregrasp are poses of the TCP (+z approach, +x closing), T_input_base is the pose of the
     hand's base link `base_link` with the axes of its URDF; all in the input's frame.

@@ -1,6 +1,6 @@
 """GraspGen's WebDataset: `shard_%03d.tar` with a sample an object and gripper, and `uuid_index.json` {uuid: shard}.
 
-A sample's `__key__` is its uuid, here OBJECT_TYPE; its one file `grasps.json` is what `graspgen` writes into a file.
+A sample's `__key__` is its uuid OBJECT_TYPE; its one file `grasps.json` is what `graspgen` writes into a file.
 `map_uuid_to_path.json` beside the meshes says which one belongs to a uuid; GraspGen looks for it there.
 """
 

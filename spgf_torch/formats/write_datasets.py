@@ -1,4 +1,4 @@
-"""All wanted formats of a trial set, in one folder, and what was written in a table."""
+"""Write all wanted formats of a trial set into one folder, and tabulate what was written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A grasp with everything that a robot needs to run it, and the hand as formats with one gripper see it."""
+"""Records of a grasp, complete for execution, and of a hand as one gripper for each grasp type."""
 
 from __future__ import annotations
 

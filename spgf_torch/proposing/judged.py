@@ -1,6 +1,6 @@
 """From what is seen to ranked grasps by a judge: hypotheses from geometry, each weighed, the best of each place kept.
 
-The votes of local shapes (`propose`) take no part in the ranking; they are told beside it.
+The votes of local shapes (`propose`) take no part in the ranking; they are reported beside it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class JudgedProposer:
     """A judge made ready to propose grasps.
 
     Attributes:
-        proposer: whose votes are told beside a grasp; None: none are.
+        proposer: whose votes are reported with a grasp; None: none are.
     """
 
     judge: Judge
@@ -59,7 +59,7 @@ class JudgedProposer:
 
     @staticmethod
     def alone(judge: Judge, volumes: Mapping[str, HandVolume], config: ProposingConfig) -> JudgedProposer:
-        """Without a model whose votes could be told; `volumes`: grasp type -> the open hand."""
+        """Without a model, so without votes; `volumes`: grasp type -> the open hand."""
         clearance = Clearance(volumes, config.plane_clearance, config.between, config.obstacle_clearance)
         return JudgedProposer(judge, Search.of(clearance, judge.hypotheses), config, None)
 
@@ -68,8 +68,8 @@ class JudgedProposer:
         found = ranked(self.judge, self.search, self.config, seen, around)
         if (proposer := self.proposer) is None:
             none = torch.zeros(len(found.poses), dtype=torch.int64)
-            score, nobody = found.probability, ((),) * len(none)
-            return Proposals(found.poses.T, found.poses.grasp_type, score, score, none, nobody, found.factors)
+            score, no_votes = found.probability, ((),) * len(none)
+            return Proposals(found.poses.T, found.poses.grasp_type, score, score, none, no_votes, found.factors)
         device = proposer.model.centres.device
         T, grasp_type = found.poses.T.to(device), found.poses.grasp_type.to(device)
         votes = proposer.votes(T, grasp_type, proposer.voters(proposer.described(seen.texlets)))

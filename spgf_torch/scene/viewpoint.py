@@ -43,13 +43,13 @@ _DOUBTFUL = -0.15
 _THING = 0.3
 # A shape that bulges towards a place below it is a bowl seen from above; cameras rarely look up.
 _LOOKS_UP = -0.1
-# Mean of n . u, below which normals turned to the origin speak against it: nothing but the frame speaks for it here.
+# Mean of n . u, below which normals turned to the origin speak against it: only the frame speaks for it.
 _HOLLOW = 0.25
 # A table tells the side where nearly all that is not on it lies on one side, and there is something.
 _ABOVE, _SOMETHING = 0.97, 0.01
 # Points with neighbours, fewer of which tell nothing.
 _FEWEST = 10
-# Cosine: cameras that see a table look down on it by 10 deg at least; points on it that a shape is told from.
+# Cosine: cameras that see a table look down on it by 10 deg at least; points on it from which a shape is recognised.
 _OVER, _FEW = 0.17, 30
 
 

@@ -26,7 +26,7 @@ _THROUGH = -0.1
 
 @dataclass(frozen=True)
 class DepthView:
-    """One depth image, ready to be asked.
+    """One depth image, ready for look-ups.
 
     Attributes:
         depth: (H, W) f32, m, holes filled; infinity: no return.
@@ -80,7 +80,7 @@ def behind_at(T: Tensor, points: Tensor, views: Sequence[DepthView], enough: flo
     """(G, I) f32 the same for points (I, 3) of a body at poses (G, 4, 4) in the views' frame.
 
     A point that one view puts at most `enough` m behind its surface is not looked for in the others: where a value is
-    that small, it need not be the least. Infinity: where one image shows the place, the others are not asked.
+    that small, it need not be the least. Infinity: where one image shows the place, the others are not looked up.
     """
     least = torch.full((len(T), len(points)), torch.inf)
     poses, body = T.contiguous().numpy(), points.contiguous().numpy()

@@ -247,7 +247,7 @@ def _hand_builder(hand: Hand, material: physx.PhysxMaterial) -> sapien.Articulat
     builder.link_builders = moving
     built = sum(len(link.collision_shapes) for link in builder.build(fix_root_link=True).links)
     wanted = len(next(iter(hand.preshapes.values())).shapes)
-    if built != wanted:  # SAPIEN skips without a word what it cannot cook
+    if built != wanted:  # SAPIEN silently skips shapes that it cannot cook
         raise InputError(f"{hand.urdf}: expected {wanted} collision shapes in SAPIEN, got {built}")
     return builder
 

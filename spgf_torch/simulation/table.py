@@ -1,4 +1,4 @@
-"""The trial table: one Parquet file an object, what was tried and how it ended. Does not import sapien.
+"""The trial table: one Parquet file an object, candidates and their outcomes. Does not import sapien.
 
 Columns: index (int32), type and outcome (dictionaries of words), position x y z (m) and quaternion w x y z of
 T_object_tcp (float32). The file's metadata hold everything that the outcomes depend on (`Provenance`).
@@ -112,7 +112,7 @@ def table_path(folder: Path, object_name: str) -> Path:
 
 
 def write_table(path: Path, table: TrialTable) -> None:
-    """Write `table` with its seal, at once or not at all."""
+    """Write `table` with its seal, atomically."""
     about = {"schema": SCHEMA, "origin": asdict(table.provenance), "versions": table.versions}
     write_columns(path, columns_of(table), {KEY: json.dumps(about, sort_keys=True)})
 
@@ -129,7 +129,7 @@ def columns_of(table: Any) -> dict[str, Any]:
 
 
 def write_columns(path: Path, columns: Mapping[str, Any], about: Mapping[bytes, str]) -> None:
-    """A sealed Parquet file of these columns and metadata, at once or not at all."""
+    """Write a sealed Parquet file of these columns and metadata, atomically."""
     metadata: dict[Any, Any] = {**about, SEAL: BLANK}
     content = pa.table(dict(columns)).replace_schema_metadata(metadata)
     sink = io.BytesIO()
