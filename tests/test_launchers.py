@@ -30,7 +30,7 @@ TINY = [
     "prototypes.restarts=2",
     "prototypes.subsample=1000",
 ]
-# A door as ours are, whose room is empty: the launchers are what is tested.
+# A command like ours that does nothing: the launchers are what is tested.
 TOY = """
 import json, sys
 from pathlib import Path
