@@ -7,13 +7,15 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from spgf_torch.evaluation.predictions import Predictions
 from spgf_torch.evaluation.results import object_rates
 from spgf_torch.evaluation.success import TYPES
 from spgf_torch.files.sealing import digest_of, sealed_json
 from spgf_torch.files.writing import write_bytes, write_text
+
+if TYPE_CHECKING:
+    from spgf_torch.evaluation.predictions import Predictions
 
 DIGITS = 6
 RESULTS, FILES = "results.json", "files"

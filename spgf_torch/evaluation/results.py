@@ -6,13 +6,12 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from spgf_torch.affordance.config import JUDGE, NESTED
 from spgf_torch.errors import InputError
-from spgf_torch.evaluation.predictions import Predictions
 from spgf_torch.evaluation.reliability import brier, predicted, reliability
 from spgf_torch.evaluation.success import (
     Rates,
@@ -27,6 +26,9 @@ from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.files.reading import json_values
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.config import CLASSES
+
+if TYPE_CHECKING:
+    from spgf_torch.evaluation.predictions import Predictions
 
 SCHEMA = 1
 

@@ -20,7 +20,7 @@ from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.experiment.learning import PrototypeFit, learn_model, side_by_side
 from spgf_torch.experiment.training_space import TrainingSpace
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.settings import plain
 
 
@@ -128,7 +128,7 @@ class Experiment:
         fit = PrototypeFit(replace(config.prototypes, num_clusters=config.K), config.seed, cache)
         return Experiment(config, design, objects, examples, teach, sampled, fit)
 
-    def run(self, stages: Stages) -> Learned:
+    def run(self, stages: ProgressReporter) -> Learned:
         """Predictions on every object by a model that has not seen it, and the models that the settings ask for."""
         tests: list[int | None] = [*self.design.tests, *([None] if self.config.final_model else [])]
         inner = self.design.inner_folds()

@@ -1,5 +1,6 @@
 """People's own data: point clouds, depth images and meshes, read, checked and made into texlets.
 
-The paper's input are texlets (section 3, Eq. 1) of simulated cameras; here they come from what a camera or CAD gives.
-Every number of how is a key of `conf/scene`; texlets are thinned as `conf/sensing` says, and look as the learned ones.
+The paper's input are texlets (section 3, Eq. 1) of simulated cameras; here they are made from what a camera or CAD
+gives. Every number of how is a key of `conf/scene`; texlets are thinned as `conf/sensing` says, so they look as the
+learned ones.
 """
