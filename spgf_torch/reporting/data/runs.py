@@ -77,8 +77,8 @@ class Run:
     ceiling: Block
     chosen: dict[int, str]
     calibration: dict[str, dict[str, float]]
-    calibration_free: dict[str, dict[str, float]]
     digests: dict[str, str] = field(default_factory=dict)
+    calibration_free: dict[str, dict[str, float]] = field(default_factory=dict)
 
     @property
     def has_model(self) -> bool:
