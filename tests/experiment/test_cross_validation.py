@@ -18,7 +18,7 @@ from spgf_torch.experiment.cross_validation import calibrate, calibrated_elsewhe
 from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.experiment.experiment import Design, Experiment
 from spgf_torch.experiment.learning import side_by_side
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 
 FOLD = np.array([0, 1, 2, 0, 1, 2])
 
@@ -126,7 +126,7 @@ def test_nobody_is_asked_about_what_taught(monkeypatch: pytest.MonkeyPatch) -> N
     fit: Any = lambda relations: relations  # noqa: E731
     design = Design(FOLD, np.arange(6), limit=6)
     sampled = [obj.of_grasps(torch.arange(20)) for obj in objects]
-    learned = Experiment(config, design, [], objects, objects, sampled, fit).run(Stages())
+    learned = Experiment(config, design, [], objects, objects, sampled, fit).run(ProgressReporter())
     assert len(learned.scores) == 6 and len(Listening.heard) == 6
     for taught, prototypes, asked in Listening.heard:
         assert taught == prototypes and not {*taught} & {*asked}
