@@ -3,9 +3,9 @@
 import torch
 
 from spgf_torch.geometry import se3
-from spgf_torch.simulation.table import Origin, TrialTable
+from spgf_torch.simulation.table import Provenance, TrialTable
 
-ORIGIN = Origin("thing", "object", "hand", {}, {}, 1, 0)
+ORIGIN = Provenance("thing", "object", "hand", {}, {}, 1, 0)
 
 
 def trial_table(T: torch.Tensor, grasp_type: torch.Tensor, outcome: torch.Tensor) -> TrialTable:
