@@ -117,11 +117,11 @@ def reliability_diagram(curves: Mapping[str, Mapping[str, Reliability]]) -> Figu
             upper.plot(flag.predicted, flag.observed, "D", color="#202020", markersize=5, label=PREDICTORS["_flag"])
             upper.set(title=f"{kind}: probability and outcome", xlim=(0, 1), ylim=(0, 1))
             upper.legend(loc="lower right")
-            lower.set(xlabel="predicted probability of success", yscale="log", ylim=(1, None))
+            lower.set(xlabel="predicted probability of success", yscale="log")
             lower.yaxis.set_major_locator(LogLocator(base=10, numticks=7))
             lower.yaxis.set_minor_locator(NullLocator())
         axes[0, 0].set_ylabel("share that succeeded")
-        axes[1, 0].set_ylabel("grasps")
+        axes[1, 0].set(ylabel="grasps", ylim=(1, None))  # once all bars are there: the axes share it
     return figure
 
 
