@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from spgf_torch.affordance.model import load_model
 from spgf_torch.drawing.page import Section, page
 from spgf_torch.errors import InputError
 from spgf_torch.files.writing import write_bytes
@@ -22,7 +21,8 @@ from spgf_torch.reporting.data.runs import Notes, Run
 from spgf_torch.reporting.data.sweep import find_sweep
 from spgf_torch.reporting.pages.context import Context, Part, choose, tell_replaced
 from spgf_torch.reporting.pages.grasp_parts import precision_part, reliability_part, worst_part
-from spgf_torch.reporting.pages.model_parts import Prototypes, describe, grasps_part, objects_part, prototypes_part
+from spgf_torch.reporting.pages.model_parts import grasps_part, objects_part, prototypes_part
+from spgf_torch.reporting.pages.pictured import Pictured, pictured
 from spgf_torch.reporting.pages.rate_parts import ablation_part, choice_part, headline, over_k, table_part
 from spgf_torch.reporting.pages.table1 import Group, table1
 
@@ -72,22 +72,19 @@ def _grasps_and_model(context: Context, stages: Stages) -> list[Part]:
     """The parts of the shown run; in place of those whose files cannot be used stands a sentence."""
     library = _usable(context, lambda: _library(context)) or {}
     objects = _usable(context, lambda: read_predictions(context.shown, context.ranking))
-    prototypes = _usable(context, lambda: _prototypes(context))
-    steps = [*_model_steps(context, prototypes, library), *_grasp_steps(context, objects, library)]
+    shown = _usable(context, lambda: pictured(context, library))
+    steps = [*_model_steps(context, shown, library), *_grasp_steps(context, objects, library)]
     with stages.stage("figures", len(steps), "figures") as advance:
         return _made(steps, context, advance)
 
 
-def _model_steps(
-    context: Context, prototypes: Prototypes | None, library: dict[str, GraspObject]
-) -> list[Callable[[], Part]]:
-    if prototypes is None:
+def _model_steps(context: Context, shown: Pictured | None, library: dict[str, GraspObject]) -> list[Callable[[], Part]]:
+    if shown is None:
         return [lambda: _missing("fig10", "Figs. 10 to 13", context, "no model that can be read")]
-    known, openings = prototypes, context.shown.settings["hand"]["openings"]
-    steps: list[Callable[[], Part]] = [lambda: prototypes_part(context, known)]
+    steps: list[Callable[[], Part]] = [lambda: prototypes_part(shown)]
     if library:
-        steps.append(lambda: objects_part(context, known, library))
-    return [*steps, *(lambda kind=kind: grasps_part(context, known, kind, openings[kind]) for kind in GRASP_TYPES)]  # type: ignore[misc]
+        steps.append(lambda: objects_part(context, shown, library))
+    return [*steps, *(lambda kind=kind: grasps_part(context, shown, kind) for kind in GRASP_TYPES)]  # type: ignore[misc]
 
 
 def _grasp_steps(
@@ -114,11 +111,6 @@ def _made(steps: Sequence[Callable[[], Part]], context: Context, advance: Callab
 
 def _library(context: Context) -> dict[str, GraspObject]:
     return {obj.name: obj for obj in load_objects(find(context.shown.settings["objects"]))}
-
-
-def _prototypes(context: Context) -> Prototypes:
-    model = load_model(context.shown.folder)
-    return describe(model, float(model.settings["features"]["radius"]))
 
 
 def _usable(context: Context, read: Callable[[], T]) -> T | None:
