@@ -20,8 +20,11 @@ PROTOTYPE_COLOURS = (
 # Rows of a comparison, the reference first.
 METHOD_COLOURS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 PAPER, CHANCE, CEILING = "#8a8a8a", "#444444", "#b9b9b9"
-FAILED, HELD = "#c8102e", "#1a9641"
+FAILED, HELD, COLLIDED = "#c8102e", "#1a9641", "#f2a2b3"
 MESH = "#dfe5ea"
+CENTRE, NEIGHBOUR, OPPOSITE = "#c8102e", "#0072B2", "#7fb7e0"  # a feature, what is near it, and what faces away
+OTHER = "#d3d8dc"  # the other features of the object
+TOWARDS, ALONG = "#b3202a", "#2c7d32"  # x and y of a frame: the aligned direction, R_x before it; R_y
 OBSTACLE, TABLE = "#7d9cc0", ("#f3efe6", "#ebe5d8")  # of scenes: other things; a table's tiles in turn
 LIGHT = np.array([0.35, -0.55, 0.76]) / np.linalg.norm([0.35, -0.55, 0.76])  # towards the lamp: front right, above
 

@@ -11,14 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 
-from spgf_torch.drawing.style import LIGHT, MESH, angle_colours, camera
+from spgf_torch.drawing.style import ALONG, LIGHT, MESH, TOWARDS, angle_colours, camera
 from spgf_torch.reporting.figures.learned import Ring
 
 PATCH = 0.012  # m; largest edge of a triangle that is sorted by depth
 STEP = 0.006  # m; longest piece of a line that is sorted by depth
 TEXLET = 0.0048  # m; drawn width of a texlet: they lie 5 mm apart
 EDGE = 0.25  # points; width of a face's edge, which closes the seams
-AXES = np.array([to_rgb(colour) for colour in ("#b3202a", "#2c7d32", "#1f1f1f")])  # of a frame: x, y, z
+AXES = np.array([to_rgb(colour) for colour in (TOWARDS, ALONG, "#1f1f1f")])  # of a frame: x, y, z
 
 View = tuple[float, float]  # deg; azimuth and elevation of the camera
 
@@ -90,9 +90,9 @@ def lines(ends: np.ndarray, colours: np.ndarray, width: float) -> Pieces:
     return Pieces(np.stack([first, first, last, last], axis=1), colours[line], np.full(len(line), width))
 
 
-def segment(a: np.ndarray, b: np.ndarray, colour: str, width: float) -> Pieces:
-    """A line from a to b (3,)."""
-    return lines(np.array([[a, b]], dtype=np.float64), np.array([to_rgb(colour)]), width)
+def sticks(hands: np.ndarray, colours: np.ndarray, width: float) -> Pieces:
+    """Stick figures of hands (G, 4, 2, 3) with colours (G, 3)."""
+    return lines(hands.reshape(-1, 2, 3), np.repeat(colours, hands.shape[1], axis=0), width)
 
 
 def frame(T: np.ndarray, length: float, width: float = 1.1) -> Pieces:

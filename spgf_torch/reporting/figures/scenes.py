@@ -21,9 +21,9 @@ from spgf_torch.reporting.figures.pieces import (
     facing,
     frame,
     joined,
-    lines,
     mesh,
     ring,
+    sticks,
     texlets,
 )
 from spgf_torch.reporting.figures.sheet import Sheet
@@ -88,11 +88,6 @@ def hands(T: np.ndarray, openings: Sequence[float]) -> np.ndarray:
     forks = np.stack([full_fork(opening) for opening in openings])
     sticks: np.ndarray = np.einsum("gij,gskj->gski", T[:, :3, :3], forks) + T[:, None, None, :3, 3]
     return sticks
-
-
-def sticks(hands: np.ndarray, colours: np.ndarray, width: float) -> Pieces:
-    """Stick figures (G, 4, 2, 3) with colours (G, 3)."""
-    return lines(hands.reshape(-1, 2, 3), np.repeat(colours, hands.shape[1], axis=0), width)
 
 
 def prototype(look: Look, grey: bool = False) -> Pieces:

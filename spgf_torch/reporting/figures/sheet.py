@@ -59,8 +59,9 @@ class Sheet:
 
     def text(self, at: np.ndarray, words: str, weight: str = "normal", size: float = 9) -> None:
         """Words below the place `at` (2,) inches, centred."""
+        x, y = at
         with mpl.rc_context(LETTERS):
-            self.axis.text(*at, words, ha="center", va="top", fontweight=weight, fontsize=size)
+            self.axis.text(x, y, words, ha="center", va="top", fontweight=weight, fontsize=size)
 
     def placed(self, i: int, points: np.ndarray, box: Box, part: tuple[int, int] = (0, 1)) -> np.ndarray:
         """Points (..., 2) of a picture with this `box` in panel i, below its title; in a part of it: (which, of)."""

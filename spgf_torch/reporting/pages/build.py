@@ -21,6 +21,7 @@ from spgf_torch.reporting.data.runs import Notes, Run
 from spgf_torch.reporting.data.sweep import find_sweep
 from spgf_torch.reporting.pages.context import Context, Part, choose, tell_replaced
 from spgf_torch.reporting.pages.grasp_parts import precision_part, reliability_part, worst_part
+from spgf_torch.reporting.pages.method_parts import example, overview_part, setup_part, sheet_part, steps_part
 from spgf_torch.reporting.pages.model_parts import grasps_part, objects_part, prototypes_part
 from spgf_torch.reporting.pages.pictured import Pictured, pictured
 from spgf_torch.reporting.pages.rate_parts import ablation_part, choice_part, headline, over_k, table_part
@@ -73,9 +74,27 @@ def _grasps_and_model(context: Context, stages: Stages) -> list[Part]:
     library = _usable(context, lambda: _library(context)) or {}
     objects = _usable(context, lambda: read_predictions(context.shown, context.ranking))
     shown = _usable(context, lambda: pictured(context, library))
-    steps = [*_model_steps(context, shown, library), *_grasp_steps(context, objects, library)]
+    steps = [
+        *_method_steps(context, shown, library, objects or []),
+        *_model_steps(context, shown, library),
+        *_grasp_steps(context, objects, library),
+    ]
     with stages.stage("figures", len(steps), "figures") as advance:
         return _made(steps, context, advance)
+
+
+def _method_steps(
+    context: Context, shown: Pictured | None, library: dict[str, GraspObject], objects: list[Candidates]
+) -> list[Callable[[], Part]]:
+    """Figs. 1 to 8; none without a model and objects."""
+    if shown is None or not library or (given := _usable(context, lambda: example(shown, library))) is None:
+        return []
+    return [
+        lambda: overview_part(context, shown, given),
+        lambda: steps_part(shown, given, objects),
+        lambda: setup_part(shown, given, objects),
+        lambda: sheet_part(shown),
+    ]
 
 
 def _model_steps(context: Context, shown: Pictured | None, library: dict[str, GraspObject]) -> list[Callable[[], Part]]:

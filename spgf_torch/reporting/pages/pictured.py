@@ -99,12 +99,10 @@ def looks(degrees: np.ndarray, members: Members | None, radius: float) -> list[L
     """Names, colours and shapes of prototypes (K, 2, cells, 2); without members as the mean over them has it."""
     names, twins = prototype_names(degrees), mirror_twins(degrees)
     shapes = zip(members.degrees, members.seen, strict=True) if members else zip(degrees, ~gaps(degrees), strict=True)
+    shares = [f"{100 * share:.0f} % of features" for share in members.share] if members else [""] * len(names)
     notes = [
-        ", ".join(
-            [f"{100 * members.share[k]:.0f} % of features"] * bool(members)
-            + [f"mirror twin of {twins.get(k)}"] * (k in twins)
-        )
-        for k in range(len(names))
+        ", ".join(filter(None, [share, f"mirror twin of {twins[k]}" if k in twins else ""]))
+        for k, share in enumerate(shares)
     ]
     layers = [rings(ring, seen.astype(float), radius) for ring, seen in shapes]
     return [Look(*row) for row in zip(names, prototype_colours(len(names)), layers, notes, strict=True)]
