@@ -87,7 +87,7 @@ def _method_steps(
     context: Context, shown: Pictured | None, library: dict[str, GraspObject], objects: list[Candidates]
 ) -> list[Callable[[], Part]]:
     """Figs. 1 to 8; none without a model and objects."""
-    if shown is None or not library or (given := _usable(context, lambda: example(shown, library))) is None:
+    if shown is None or not library or (given := _usable(context, lambda: example(shown, library, objects))) is None:
         return []
     return [
         lambda: overview_part(context, shown, given),

@@ -59,14 +59,15 @@ class Example:
     texels: Texels
 
 
-def example(shown: Pictured, library: Mapping[str, GraspObject]) -> Example:
-    """The smallest container that the model has not seen, or else any smallest object, and a feature of it.
+def example(shown: Pictured, library: Mapping[str, GraspObject], candidates: Sequence[Candidates]) -> Example:
+    """The smallest container that the model has not seen and that was tried, or else what there is, and a feature.
 
     Raises InputError where features are none that the figures could draw.
     """
     if shown.model.descriptor != "spgf" or shown.eyes.features.gaps != "saturated":
         raise InputError("features: expected SPGF with saturated gaps for Figs. 1 to 6, got others")
-    objects = shown.novel or list(library.values())
+    objects, tried = shown.novel or list(library.values()), {each.name for each in candidates}
+    objects = [each for each in objects if each.name in tried] or objects
     obj = min(objects, key=lambda each: (CLASSES.index(each.category), float(np.prod(each.mesh.extents))))
     texlets, found = shown.eyes.see(obj)
     chosen = telling_feature(found, texlets.normals.numpy(), ABOVE)
@@ -83,8 +84,8 @@ def overview_part(context: Context, shown: Pictured, given: Example) -> Part:
     words = (
         f"From an object ({_name(given.obj)}) to features that know of grasps. (a) Its texlets, with a chosen one "
         "(red) and its neighbours within the radius (blue). (b) Both alone; light blue faces the other way. (c) A "
-        "relation to each neighbour. (d) Two circular grids, above for normals on the centre's side, below for the others; "
-        "white cells are empty. (e) Unfolded. (f) The moving average fills what sampling left empty; hatched: gaps. "
+        "relation to each neighbour. (d) Two circular grids, above for normals on the centre's side, below for the "
+        "others; white cells are empty. (e) Unfolded. (f) The moving average fills what sampling left empty; hatched: gaps. "
         "(g) Aligned to the highest curvature. (h) k-means prototypes. (i) What was learned of "
         f"{shown.looks[own].name}, the prototype of this feature ({KIND}; red 0 to green 1). (j) The object's inferred "
         f"prototypes, in their colours; {shown.whose}."
