@@ -82,7 +82,9 @@ def test_the_page_needs_nothing_else(reported: tuple[Path, subprocess.CompletedP
     own = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)  # plotly.js itself has addresses, unused
     assert not re.search(r"""(src|href)=["']?(https?:)?//|url\(["']?(https?:)?//|@import""", own)
     assert own.count('class="view"') == 5 and "wall 1" in own and "interrupted" in own
-    assert {"summary", "table1", "choice", *(f"fig{i}" for i in (1, 2, 7, 8, 9, 10, 13)), "worst", "ablations"} <= set(re.findall(r'id="(\w+)"', own))
+    assert {"summary", "table1", "choice", *(f"fig{i}" for i in (1, 2, 7, 8, 9, 10, 13)), "worst", "ablations"} <= set(
+        re.findall(r'id="(\w+)"', own)
+    )
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no chromium, chromium-browser or google-chrome here")
@@ -116,7 +118,18 @@ def test_torn_files_leave_their_figures_out(tmp_path: Path) -> None:
     (run / "predictions.parquet").write_bytes(b"torn")
     rates = ["nested", "paper"]
     config = ReportConfig(
-        str(run), rates[0], rates, None, pictured=10, fold=0, objects=1, worst=1, grasps=4, precision=5, bootstrap=100, seed=0
+        str(run),
+        rates[0],
+        rates,
+        None,
+        pictured=10,
+        fold=0,
+        objects=1,
+        worst=1,
+        grasps=4,
+        precision=5,
+        bootstrap=100,
+        seed=0,
     )
     notes = Notes()
     build(config, load_runs(config.runs, notes), tmp_path, Stages(), notes)

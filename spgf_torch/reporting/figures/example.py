@@ -11,8 +11,9 @@ from spgf_torch.drawing.style import camera
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import Features
 from spgf_torch.ops.alignment import highest_curvature
-from spgf_torch.ops.grid import Ring, organise, rings, triangle
+from spgf_torch.ops.moving_average import triangle
 from spgf_torch.ops.relations import Pairs, pairs_of, reference_frames, relations
+from spgf_torch.ops.ring_grid import Ring, organise, rings
 from spgf_torch.reporting.figures.pieces import View
 from spgf_torch.sensing.texlets import Texlets
 

@@ -30,7 +30,7 @@ from spgf_torch.reporting.figures.sheet import Sheet
 
 ABOVE, BELOW = (-60.0, 38.0), (-60.0, -38.0)  # deg; azimuth and elevation of the camera
 TOP, BOTTOM = (-90.0, 90.0), (-90.0, -90.0)  # straight at the centre's plane: x points to the right
-RING_BOX, GRASP_BOX = (0.033, -0.038, 0.03), (0.1, -0.1, 0.1)
+RING_BOX, GRASP_BOX = (0.033, -0.038, 0.03), (0.11, -0.11, 0.11)
 CENTRE = 0.014  # m; the square in a prototype's colour, well within its ring
 RULER = 0.05  # m
 WORDS = {TOP: "top", BOTTOM: "bottom", ABOVE: "perspective"}
@@ -133,7 +133,7 @@ def grasps(looks: Sequence[Look], learned: Sequence[Grasps], kind: str, opening:
     sheet = Sheet.of(len(looks), min(2, len(looks)), panel=(4.6, 1.85), foot=0.62)
     for k, (look, found) in enumerate(zip(looks, learned, strict=True)):
         pieces = joined([prototype(look, grey=True), sticks(found.sticks, success_colours(found.probability), 1.2)])
-        _named(sheet, k, look)
+        _named(sheet, k, look, parts=3)
         sheet.paint(k, prototype(look), ABOVE, RING_BOX, part=(0, 3))
         for column, view in enumerate(views, start=1):
             sheet.paint(k, pieces, view, GRASP_BOX, part=(column, 3))
@@ -157,7 +157,8 @@ def worst(shown: Sequence[Held]) -> Figure:
     return sheet.figure
 
 
-def _named(sheet: Sheet, i: int, look: Look) -> None:
-    sheet.title(i, look.name)
-    if look.note:
-        sheet.text(sheet.corner(i) + np.array([sheet.panel[0] / 2, sheet.panel[1] - 0.2]), look.note, size=7.5)
+def _named(sheet: Sheet, i: int, look: Look, parts: int = 1) -> None:
+    """Name and note above the first of so many parts of a panel."""
+    top = sheet.corner(i) + np.array([sheet.panel[0] / parts / 2, sheet.panel[1] - 0.06])
+    sheet.text(top, look.name, "bold")
+    sheet.text(top - (0, 0.15), look.note, size=7.5)

@@ -85,10 +85,10 @@ def overview_part(context: Context, shown: Pictured, given: Example) -> Part:
         f"From an object ({_name(given.obj)}) to features that know of grasps. (a) Its texlets, with a chosen one "
         "(red) and its neighbours within the radius (blue). (b) Both alone; light blue faces the other way. (c) A "
         "relation to each neighbour. (d) Two circular grids, above for normals on the centre's side, below for the "
-        "others; white cells are empty. (e) Unfolded. (f) The moving average fills what sampling left empty; hatched: gaps. "
-        "(g) Aligned to the highest curvature. (h) k-means prototypes. (i) What was learned of "
-        f"{shown.looks[own].name}, the prototype of this feature ({KIND}; red 0 to green 1). (j) The object's inferred "
-        f"prototypes, in their colours; {shown.whose}."
+        "others; white cells are empty. (e) Unfolded. (f) The moving average fills what sampling left empty; hatched: "
+        "gaps. (g) Aligned to the highest curvature. (h) k-means prototypes. (i) What was learned of "
+        f"{shown.looks[own].name}, the prototype of this feature ({KIND}; red 0 to green 1). (j) The object's "
+        f"inferred prototypes, in their colours; {shown.whose}."
     )
     return _part("fig1", "Fig. 1: overview", {"fig01_overview.png": (figure, words)})
 
