@@ -14,7 +14,7 @@ Then, the first that holds:
 2. wall: the other side shows in half of the ring.
 3. mixed: the other side shows in more than a twentieth of the ring, and it is not concave: some of the features are
    walls, others are not, and no word holds for most.
-4. cap: alpha2 of the whole top ring is 30 or more: the surface falls away all around.
+4. cap: alpha2 of the whole top ring is 35 or more: the surface falls away all around.
 5. edge: alpha2 of the top ring (without gaps) ranges over 30 or more: the surface bends, but not all around alike.
 6. surface: the rest, flat or evenly round.
 
@@ -36,7 +36,7 @@ FAMILIES = ("surface", "wall", "rim", "edge", "cap", "mixed")
 GAP_DEG = 60.0
 OTHER_SIDE_DEG = 135.0
 RANGE_DEG = 30.0
-AROUND_DEG = 30.0  # least alpha2 of a cap
+AROUND_DEG = 35.0  # least alpha2 of a cap
 CONCAVE_DEG = -5.0
 WALL_SHARE = 0.5
 MIXED_SHARE = 0.05

@@ -30,7 +30,8 @@ from spgf_torch.reporting.figures.sheet import Sheet
 
 ABOVE, BELOW = (-60.0, 38.0), (-60.0, -38.0)  # deg; azimuth and elevation of the camera
 TOP, BOTTOM = (-90.0, 90.0), (-90.0, -90.0)  # straight at the centre's plane: x points to the right
-RING_BOX, GRASP_BOX = (0.033, -0.038, 0.03), (0.11, -0.11, 0.11)
+RING_BOX = (0.033, -0.038, 0.03)
+GRASP_BOX = {"NPG": (0.095, -0.095, 0.095), "WPG": (0.115, -0.115, 0.115)}
 CENTRE = 0.014  # m; the square in a prototype's colour, well within its ring
 RULER = 0.05  # m
 WORDS = {TOP: "top", BOTTOM: "bottom", ABOVE: "perspective"}
@@ -136,7 +137,7 @@ def grasps(looks: Sequence[Look], learned: Sequence[Grasps], kind: str, opening:
         _named(sheet, k, look, parts=3)
         sheet.paint(k, prototype(look), ABOVE, RING_BOX, part=(0, 3))
         for column, view in enumerate(views, start=1):
-            sheet.paint(k, pieces, view, GRASP_BOX, part=(column, 3))
+            sheet.paint(k, pieces, view, GRASP_BOX[kind], part=(column, 3))
     seen = ", ".join(WORDS[view] for view in views)
     label = f"learned probability of success; hand open {1000 * opening:.0f} mm; views: {seen}"
     sheet.bar(SUCCESS_SCALE, 1, label)

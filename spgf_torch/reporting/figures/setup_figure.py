@@ -62,7 +62,7 @@ def setup_figure(
         axes = [figure.add_axes((0.005 + 0.25 * i, 0.1, 0.24, 0.81)) for i in range(4)]
         show(axes[0], _rig(solid, cameras), RIG_VIEW, 0.14)
         for i, camera in enumerate(cameras):
-            note(axes[0], camera.T_object_camera[:3, 3], f"camera {i + 1}", RIG_VIEW, np.array([0.0, -1.0]), gap=20)
+            note(axes[0], camera.T_object_camera[:3, 3], f"camera {i + 1}", RIG_VIEW, np.array([0.0, -1.0]), gap=25)
         which = some_of_each(tried.success, tried.collides, TRIED)
         colours = np.array([to_rgb(_end(tried.success[i], tried.collides[i])) for i in which])
         drawn = sticks(hands(tried.T[which], [tried.opening] * len(which)), colours, 0.8)

@@ -113,6 +113,7 @@ def link_figure(linked: Linked, view: View) -> Figure:
                 arrow(axis, T[:3, 3], T[:3, 3] + length * direction, to_hex(colour), view)
         _transformation(axis, feature[:3, 3], tcp[:3, 3], view)
         note(axis, feature[:3, 3] + 0.047 * feature[:3, 0], r"$\alpha_3 = 0$, start", view, UP, TOWARDS, 8)
+        note(axis, tcp[:3, 3], "grasp (TCP)", view, RIGHT - UP, gap=48)
         outcome = "success" if linked.success else "failure"
         id, name = linked.look.name.split()[-1], linked.look.name
         words = f"T = (pose of the grasp in the feature's frame, {outcome}, id {id}: {name})"

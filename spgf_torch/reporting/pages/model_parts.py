@@ -25,7 +25,7 @@ def prototypes_part(shown: Pictured) -> Part:
     shown_as = drawn(scenes.prototypes(shown.looks))
     words = caption(
         f"The prototypes of {shown.whose}. The square in the centre has the prototype's colour in Fig. 11. Its frame: "
-        "blue the normal, red the aligned direction. A cell of a ring lies where the mean alpha1 of the features that "
+        "black the normal, red the aligned direction. A cell of a ring lies where the mean alpha1 of the features that "
         "have something there puts it at the feature's radius; its colour is their mean alpha2, the angle between its "
         "normal and the centre's: yellow none, teal a right angle, violet opposite. It is as wide as their share; "
         "where more than half of the features have a gap, so has the picture (grey dashes). The bottom layer, of "
