@@ -7,7 +7,7 @@ import torch
 from spgf_torch.affordance.calibration import TERMS, Calibration
 from spgf_torch.affordance.model import GraspModel
 from spgf_torch.affordance.neighbourhood import Condensed
-from spgf_torch.geometry.lattice import Lattice
+from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.prototypes.naming import gaps
 from spgf_torch.reporting.figures.learned import Members, best_percent, fork, ring_positions, rings, spread
 
@@ -72,6 +72,6 @@ def test_best_percent_is_of_one_prototype_and_type() -> None:
     cell, support = torch.arange(165), torch.full((165,), 3.0)
     condensed = Condensed(start, cell, probability, support, torch.tensor([0.1, 0.4]))
     calibration = Calibration(torch.zeros(2, len(TERMS)))
-    model = GraspModel(torch.zeros(2, 144), condensed, Lattice(0.1, 0.012, 22.5), calibration)
+    model = GraspModel(torch.zeros(2, 144), condensed, SE3Grid(0.1, 0.012, 22.5), calibration)
     found = [best_percent(model, k, kind) for k in (0, 1) for kind in ("NPG", "WPG")]
     assert found == pytest.approx([0.2, 0.8, 0.0, 1.0])

@@ -129,7 +129,7 @@ def learned_grasps(model: GraspModel, prototype: int, kind: str, opening: float,
     start, stop = _slice(model, prototype, kind)
     supported = model.condensed.support[start:stop]
     pool = supported.topk(min(POOL, len(supported))).indices
-    position, quaternion = (t.numpy() for t in model.lattice.centres(model.condensed.cell[start:stop][pool].cpu()))
+    position, quaternion = (t.numpy() for t in model.grid.centres(model.condensed.cell[start:stop][pool].cpu()))
     probability, support = (t[pool].numpy() for t in (model.condensed.probability[start:stop], supported))
     best = np.argsort(-probability, kind="stable")[: max(len(pool) // 8, count // 2)]
     chosen = spread(position[best], quaternion[best], count // 2)
@@ -157,7 +157,7 @@ def spread(position: np.ndarray, quaternion: np.ndarray, count: int) -> np.ndarr
 def _slice(model: GraspModel, prototype: int, kind: str) -> tuple[int, int]:
     """Where the condensed points of a prototype and type begin and end."""
     s = prototype * len(GRASP_TYPES) + GRASP_TYPES.index(kind)
-    start, stop = (int(model.condensed.slice_start[i]) for i in (s, s + 1))
+    start, stop = (int(model.condensed.partition_start[i]) for i in (s, s + 1))
     return start, stop
 
 

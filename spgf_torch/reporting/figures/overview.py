@@ -37,7 +37,7 @@ from spgf_torch.reporting.figures.pieces import (
     sticks,
     texlets,
 )
-from spgf_torch.reporting.figures.scenes import ABOVE, Look, Texels, inferred, prototype
+from spgf_torch.reporting.figures.scenes import ABOVE, Inferred, Look, coloured, prototype
 
 SIDE = (-60.0, 20.0)  # deg; where a single feature is looked at from
 LIFT = 0.28  # of the radius; how far apart the layers are drawn, above and below the centre
@@ -57,7 +57,7 @@ WORDS = (
 class Overview:
     """What the strip shows: an object, one of its features, prototypes, and what was learned of one of them."""
 
-    object: Texels
+    object: Inferred
     steps: Steps
     looks: Sequence[Look]
     grasped: int
@@ -77,7 +77,7 @@ def overview(shown: Overview, radius: float) -> Figure:
             (axes[3], _grids(shown.steps, radius), SIDE),
             (axes[7], _prototypes(shown.looks), ABOVE),
             (axes[8], _grasps(shown), ABOVE),
-            (axes[9], inferred(shown.object, np.array([to_rgb(look.colour) for look in shown.looks])), ABOVE),
+            (axes[9], coloured(shown.object, np.array([to_rgb(look.colour) for look in shown.looks])), ABOVE),
         ):
             show(axis, pieces, view)
         steps = shown.steps
@@ -94,11 +94,11 @@ def overview(shown: Overview, radius: float) -> Figure:
 
 def _scene(shown: Overview) -> Pieces:
     """(a): the feature red, its neighbours blue."""
-    texels, steps = shown.object, shown.steps
-    colours = np.tile(to_rgb(OTHER), (len(texels.positions), 1))
+    inferred, steps = shown.object, shown.steps
+    colours = np.tile(to_rgb(OTHER), (len(inferred.positions), 1))
     colours[steps.neighbour] = to_rgb(NEIGHBOUR)
-    front = facing(texels.normals, ABOVE)
-    pieces = texlets(texels.positions[front], texels.normals[front], colours[front])
+    front = facing(inferred.normals, ABOVE)
+    pieces = texlets(inferred.positions[front], inferred.normals[front], colours[front])
     own = texlets(steps.position[None], steps.frame[None, :, 2], np.array([to_rgb(CENTRE)]), 2 * TEXLET)
     return joined([pieces, moved_towards(own)])
 

@@ -54,7 +54,7 @@ class Look:
 
 
 @dataclass(frozen=True)
-class Texels:
+class Inferred:
     """The texlets of an object: positions (N, 3) m, normals (N, 3), prototype ids (N,)."""
 
     name: str
@@ -108,24 +108,24 @@ def prototypes(looks: Sequence[Look]) -> Figure:
     return sheet.figure
 
 
-def objects(shown: Sequence[Texels], looks: Sequence[Look]) -> Figure:
+def objects(shown: Sequence[Inferred], looks: Sequence[Look]) -> Figure:
     """Fig. 11: texlets that face the camera, coloured by prototype; the legend names those that occur."""
     sheet = Sheet.of(len(shown), 3, panel=(2.4, 2.4), right=1.4)
     palette = np.array([to_rgb(look.colour) for look in looks])
-    for i, texels in enumerate(shown):
-        sheet.title(i, texels.name.replace("_", " "))
-        sheet.ruler(i, RULER, sheet.paint(i, inferred(texels, palette), ABOVE))
-    occurring = sorted({int(k) for texels in shown for k in texels.ids})
+    for i, inferred in enumerate(shown):
+        sheet.title(i, inferred.name.replace("_", " "))
+        sheet.ruler(i, RULER, sheet.paint(i, coloured(inferred, palette), ABOVE))
+    occurring = sorted({int(k) for each in shown for k in each.ids})
     dots = [Line2D([], [], marker="s", linestyle="", color=looks[k].colour, label=looks[k].name) for k in occurring]
     with mpl.rc_context(LETTERS):
         sheet.figure.legend(handles=dots, loc="center right", fontsize=8.5, handletextpad=0.2)
     return sheet.figure
 
 
-def inferred(texels: Texels, palette: np.ndarray, view: View = ABOVE) -> Pieces:
+def coloured(inferred: Inferred, palette: np.ndarray, view: View = ABOVE) -> Pieces:
     """The texlets that face the camera in the colours (K, 3) of their prototypes."""
-    front = facing(texels.normals, view)
-    return texlets(texels.positions[front], texels.normals[front], palette[texels.ids[front]])
+    front = facing(inferred.normals, view)
+    return texlets(inferred.positions[front], inferred.normals[front], palette[inferred.ids[front]])
 
 
 def grasps(looks: Sequence[Look], learned: Sequence[Grasps], kind: str, opening: float) -> Figure:

@@ -25,7 +25,7 @@ from spgf_torch.drawing.style import (
 )
 from spgf_torch.prototypes.naming import family_of
 from spgf_torch.reporting.figures.learned import LAYERS, Grasps, Ring
-from spgf_torch.reporting.figures.scenes import Held, Look, Texels
+from spgf_torch.reporting.figures.scenes import Held, Inferred, Look
 
 DIGITS = 2  # of coordinates in mm
 
@@ -52,12 +52,12 @@ def grasp_view(looks: Sequence[Look], learned: Sequence[Grasps]) -> View:
     return View("prototype", tuple(look.name for look in looks), tuple(traces), 100, first)
 
 
-def object_view(shown: Sequence[Texels], looks: Sequence[Look]) -> View:
+def object_view(shown: Sequence[Inferred], looks: Sequence[Look]) -> View:
     """Fig. 11: an object's texlets, a trace a prototype, so that a click on the legend hides one."""
     traces = []
-    for texels in shown:
-        found = np.unique(texels.ids).tolist()
-        traces.append([_dots(texels.positions[texels.ids == k], looks[k].name, looks[k].colour) for k in found])
+    for inferred in shown:
+        found = np.unique(inferred.ids).tolist()
+        traces.append([_dots(inferred.positions[inferred.ids == k], looks[k].name, looks[k].colour) for k in found])
     return View("object", tuple(t.name.replace("_", " ") for t in shown), tuple(traces))
 
 

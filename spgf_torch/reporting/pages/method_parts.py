@@ -11,18 +11,18 @@ from PIL import Image
 
 from spgf_torch.drawing.page import Section, caption, drawn, picture, png
 from spgf_torch.errors import InputError
+from spgf_torch.evaluation.predictions import Predictions
 from spgf_torch.features.spgf import Features
 from spgf_torch.hands.config import GRASP_TYPES, HandConfig
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.objects.config import CLASSES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find
-from spgf_torch.reporting.data.predictions import Candidates
 from spgf_torch.reporting.figures.example import Steps, Surroundings, telling_feature
 from spgf_torch.reporting.figures.grid_figures import alignment_figure, average_figure, grid_figure
 from spgf_torch.reporting.figures.learned import learned_grasps
 from spgf_torch.reporting.figures.overview import Overview, overview
-from spgf_torch.reporting.figures.scenes import ABOVE, Texels
+from spgf_torch.reporting.figures.scenes import ABOVE, Inferred
 from spgf_torch.reporting.figures.setup_figure import Tried, setup_figure
 from spgf_torch.reporting.figures.space_figures import Linked, PairDrawn, angle_figure, link_figure
 from spgf_torch.reporting.pages.context import Context, Part
@@ -56,10 +56,10 @@ class Example:
     chosen: int
     around: Surroundings
     steps: Steps
-    texels: Texels
+    inferred: Inferred
 
 
-def example(shown: Pictured, library: Mapping[str, GraspObject], candidates: Sequence[Candidates]) -> Example:
+def example(shown: Pictured, library: Mapping[str, GraspObject], candidates: Sequence[Predictions]) -> Example:
     """The smallest container that the model has not seen and that was tried, or else what there is, and a feature.
 
     Raises InputError where features are none that the figures could draw.
@@ -78,9 +78,9 @@ def example(shown: Pictured, library: Mapping[str, GraspObject], candidates: Seq
 
 def overview_part(context: Context, shown: Pictured, given: Example) -> Part:
     """Fig. 1."""
-    own = int(given.texels.ids[given.chosen])
+    own = int(given.inferred.ids[given.chosen])
     learned = learned_grasps(shown.model, own, KIND, _opening(shown, KIND), context.config.grasps)
-    figure = overview(Overview(given.texels, given.steps, shown.looks, own, learned), shown.eyes.features.radius)
+    figure = overview(Overview(given.inferred, given.steps, shown.looks, own, learned), shown.eyes.features.radius)
     words = (
         f"From an object ({_name(given.obj)}) to features that know of grasps. (a) Its texlets, with a chosen one "
         "(red) and its neighbours within the radius (blue). (b) Both alone; light blue faces the other way. (c) A "
@@ -93,7 +93,7 @@ def overview_part(context: Context, shown: Pictured, given: Example) -> Part:
     return _part("fig1", "Fig. 1: overview", {"fig01_overview.png": (figure, words)})
 
 
-def steps_part(shown: Pictured, given: Example, candidates: Sequence[Candidates]) -> Part:
+def steps_part(shown: Pictured, given: Example, candidates: Sequence[Predictions]) -> Part:
     """Figs. 2 to 6; the last where the run's grasps can be read."""
     features = shown.eyes.features
     centre, pair = given.around.telling_pair(features.radius)
@@ -116,18 +116,18 @@ def steps_part(shown: Pictured, given: Example, candidates: Sequence[Candidates]
     return _part("fig2", "Figs. 2 to 6: the steps", parts)
 
 
-def link(shown: Pictured, given: Example, tried: Candidates) -> Linked:
+def link(shown: Pictured, given: Example, tried: Predictions) -> Linked:
     """The feature and a trial of `KIND` about `APART` from it, one that held if any did."""
     feature = given.steps.T_object_feature
     apart = np.abs(np.linalg.norm(tried.pose[:, :3] - feature[:3, 3], axis=1) - APART)
     wrong = tried.grasp_type != GRASP_TYPES.index(KIND)
     best = int(np.lexsort((apart, ~tried.success, wrong))[0])
-    look = shown.looks[int(given.texels.ids[given.chosen])]
+    look = shown.looks[int(given.inferred.ids[given.chosen])]
     kind = GRASP_TYPES[tried.grasp_type[best]]
-    texels = given.texels
+    inferred = given.inferred
     return Linked(
-        texels.positions,
-        texels.normals,
+        inferred.positions,
+        inferred.normals,
         feature,
         tried.T_object_tcp[best],
         look,
@@ -136,7 +136,7 @@ def link(shown: Pictured, given: Example, tried: Candidates) -> Linked:
     )
 
 
-def setup_part(shown: Pictured, given: Example, candidates: Sequence[Candidates]) -> Part:
+def setup_part(shown: Pictured, given: Example, candidates: Sequence[Predictions]) -> Part:
     """Fig. 7. Raises InputError without trials on the object."""
     if (tried := _of(candidates, given.obj)) is None:
         raise InputError(f"Fig. 7: expected predictions on {given.obj.name}, got none")
@@ -178,7 +178,7 @@ def _part(id: str, title: str, figures: Mapping[str, tuple[Figure, str]]) -> Par
     return Part(Section(id, title, body), {name: png(image) for name, (image, _) in images.items()})
 
 
-def _of(candidates: Sequence[Candidates], obj: GraspObject) -> Candidates | None:
+def _of(candidates: Sequence[Predictions], obj: GraspObject) -> Predictions | None:
     return next((each for each in candidates if each.name == obj.name), None)
 
 

@@ -11,7 +11,7 @@ import torch
 from spgf_torch.affordance.model import GraspModel, load_model
 from spgf_torch.drawing.style import prototype_colours
 from spgf_torch.errors import InputError
-from spgf_torch.experiment.held_out import FOLDER, LIST, load_fold_models
+from spgf_torch.experiment.held_out import FOLDER, LIST, novel_by_fold
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import Features, spgf
 from spgf_torch.objects.config import CLASSES
@@ -20,7 +20,7 @@ from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.prototypes.naming import gaps, mirror_twins, prototype_names
 from spgf_torch.reporting.data.runs import Run
 from spgf_torch.reporting.figures.learned import Members, rings
-from spgf_torch.reporting.figures.scenes import Look, Texels
+from spgf_torch.reporting.figures.scenes import Inferred, Look
 from spgf_torch.reporting.pages.context import Context
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import sense
@@ -74,11 +74,11 @@ class Pictured:
             return f"the model of all objects, K = {self.run.K}"
         return f"the model of fold {self.fold}, K = {self.run.K}"
 
-    def inferred(self, obj: GraspObject) -> Texels:
+    def inferred(self, obj: GraspObject) -> Inferred:
         """An object's texlets with the ids of their prototypes (Eqs. 7, 8)."""
         texlets, found = self.eyes.see(obj)
         ids = assign(found.relations(), self.model.centres)
-        return Texels(obj.name, texlets.positions.numpy(), texlets.normals.numpy(), ids.numpy())
+        return Inferred(obj.name, texlets.positions.numpy(), texlets.normals.numpy(), ids.numpy())
 
 
 def pictured(context: Context, library: Mapping[str, GraspObject]) -> Pictured:
@@ -123,10 +123,11 @@ def _model(context: Context) -> tuple[Run, GraspModel, int | None, dict[str, str
     wanted, fold = context.sweep.of(context.config.pictured) or context.shown, context.config.fold
     for run in (wanted, context.shown):
         if (run.folder / FOLDER / LIST).is_file():
-            kept = load_fold_models(run.folder)
-            if fold not in kept.models:
-                raise InputError(f"fold: expected one of {', '.join(map(str, kept.models))}, got {fold}")
-            return run, kept.models[fold], fold, {name: of for name, (f, of) in kept.novel.items() if f == fold}
+            listed = novel_by_fold(run.folder)
+            if fold not in (folds := sorted({of for of, _ in listed.values()})):
+                raise InputError(f"fold: expected one of {', '.join(map(str, folds))}, got {fold}")
+            novel = {name: digest for name, (of, digest) in listed.items() if of == fold}
+            return run, load_model(run.folder / FOLDER / str(fold)), fold, novel
     run = wanted if wanted.has_model else context.shown
     model = load_model(run.folder)
     context.tell(
