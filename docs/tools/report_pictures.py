@@ -11,7 +11,7 @@ from pathlib import Path
 from PIL import Image
 
 NAMES = ("fig01_overview", "fig07_setup", "fig10_prototypes", "fig11_objects", "fig12_NPG", "fig13_WPG")
-WIDTH, COLOURS = 1500, 96
+WIDTH, COLOURS, ROUNDS = 1400, 256, 3  # pixels; colours of a palette, and rounds of k-means that place them
 
 
 def main(report: Path, into: Path) -> None:
@@ -19,7 +19,8 @@ def main(report: Path, into: Path) -> None:
         with Image.open(report / f"{name}.png") as picture:
             size = (WIDTH, round(WIDTH * picture.height / picture.width))
             small = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-        small.quantize(COLOURS, dither=Image.Dither.NONE).save(into / f"{name}.png", optimize=True)
+        few = small.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, ROUNDS, dither=Image.Dither.NONE)
+        few.save(into / f"{name}.png", optimize=True)
 
 
 if __name__ == "__main__":

@@ -52,7 +52,7 @@ def build(
             write_bytes(folder / name, content)
     sections = [*(part.section for part in parts), _left_out(notes.lines)]
     lead = (
-        f"<p>Table 1 and Figures 9 to 13 of Thomsen, Kraft, Kr&uuml;ger (2016), made again from {len(runs)} runs.</p>"
+        f"<p>Table 1 and Figures 1 to 13 of Thomsen, Kraft, Kr&uuml;ger (2016), made again from {len(runs)} runs.</p>"
     )
     write_bytes(folder / "index.html", page(TITLE, lead, sections).encode())
     return groups
