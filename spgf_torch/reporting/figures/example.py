@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from spgf_torch.drawing.style import camera
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import Features
 from spgf_torch.ops.alignment import highest_curvature
-from spgf_torch.ops.moving_average import triangle
+from spgf_torch.ops.moving_average import averaged, triangle
 from spgf_torch.ops.relations import Pairs, pairs_of, reference_frames, relations
-from spgf_torch.ops.ring_grid import Ring, organise, rings
+from spgf_torch.ops.ring_grid import Ring, organised
 from spgf_torch.reporting.figures.pieces import View
 from spgf_torch.sensing.texlets import Texlets
 
@@ -32,7 +31,7 @@ class Surroundings:
     """
 
     texlets: Texlets
-    pairs: Pairs
+    pairs: Pairs[np.ndarray]
     neighbour: np.ndarray
     frames: np.ndarray
     angles: np.ndarray
@@ -40,13 +39,14 @@ class Surroundings:
     @staticmethod
     def of(texlets: Texlets, radius: float) -> Surroundings:
         """Steps 1 and 2, within `radius` m."""
-        X, n = texlets.positions.double(), texlets.normals.double()
-        near = (torch.cdist(X, X) <= radius).fill_diagonal_(False)
-        start = torch.cat([torch.zeros(1, dtype=torch.int64), near.sum(1).cumsum(0)])
-        neighbour = near.nonzero()[:, 1].int()
+        X, n = texlets.positions.double().numpy(), texlets.normals.double().numpy()
+        near = np.linalg.norm(X[:, None] - X, axis=2) <= radius
+        np.fill_diagonal(near, False)
+        start = np.concatenate([[0], near.sum(axis=1).cumsum()])
+        neighbour = near.nonzero()[1].astype(np.int32)
         pairs = pairs_of(start, neighbour, X, X, n)
         frames = reference_frames(n, pairs.towards)
-        return Surroundings(texlets, pairs, neighbour.numpy(), frames.numpy(), relations(pairs, frames).numpy())
+        return Surroundings(texlets, pairs, neighbour, frames, relations(pairs, frames))
 
     def own(self, i: int) -> slice:
         """The pairs of texlet i."""
@@ -54,10 +54,10 @@ class Surroundings:
 
     def telling_pair(self, radius: float) -> tuple[int, int]:
         """The centre and the pair whose angles come nearest to `PAIR_DEG`."""
-        far = torch.linalg.vector_norm(self.pairs.step, dim=0).numpy() >= FAR * radius
+        far = np.linalg.norm(self.pairs.step, axis=0) >= FAR * radius
         apart = np.abs(np.degrees(self.angles) - np.array(PAIR_DEG)[:, None]).max(axis=0)
         pair = int(np.nanargmin(np.where(far, apart, np.inf)))
-        return int(np.searchsorted(self.pairs.start.numpy(), pair, side="right")) - 1, pair
+        return int(np.searchsorted(self.pairs.start, pair, side="right")) - 1, pair
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Steps:
         angles: (3, J) alpha1, alpha2, alpha3; top: (J,) bool, on the top layer.
         grid: (2, cells, 2) the cells' means, NaN where empty; smooth: the same after the moving average, gaps encoded.
         gap: (2, cells) bool. start: the cell that becomes cell 0.
-        window: how many cells ahead the average reaches, and the weight there.
+        window: how many cells ahead (behind: negative) the average reaches, and the weight there.
     """
 
     position: np.ndarray
@@ -106,25 +106,23 @@ class Steps:
         """Of texlet i, with the paper's alignment and encoding of gaps."""
         own, frame, ring = around.own(i), around.frames[i], Ring(config.cells, config.half_length, config.layers)
         angles = np.ascontiguousarray(around.angles[:, own])
-        grid = np.zeros((2, config.cells, 3))
-        organise(angles, False, grid[: config.layers])
-        found, _ = rings(torch.tensor([0, angles.shape[1]]), torch.from_numpy(angles), ring, "saturated")
-        count = np.where(grid[..., :1] > 0, grid[..., :1], np.nan)
-        ahead, weight = triangle(config.cells, config.half_length, torch.float64)
-        window = {int(k): float(w) for k, w in zip(ahead, weight, strict=True) if w > 0}
-        reach = np.array([np.roll(grid[..., 0] > 0, k, axis=1) for k in window])
+        grid = organised(np.array([0, angles.shape[1]]), angles, ring)
+        smooth, _ = averaged(grid, ring.half_length, "saturated", False)
+        number, sums = np.split(grid[0].swapaxes(1, 2), [1], axis=2)  # (2, cells, 1), (2, cells, 2)
+        window = {int(k): float(w) for k, w in zip(*triangle(config.cells, config.half_length), strict=True) if w > 0}
+        reach = np.array([np.roll(number[..., 0] > 0, k, axis=1) for k in window])
         return Steps(
             position=around.texlets.positions[i].double().numpy(),
             frame=frame,
             neighbour=around.neighbour[own],
-            steps=around.pairs.step.numpy()[:, own].T @ frame,
-            normals=around.pairs.normal.numpy()[:, own].T @ frame,
+            steps=around.pairs.step[:, own].T @ frame,
+            normals=around.pairs.normal[:, own].T @ frame,
             angles=np.degrees(angles),
             top=angles[1] <= np.pi / 2,
-            grid=np.degrees(grid[..., 1:] / count),
-            smooth=np.degrees(found[0].numpy()),
+            grid=np.degrees(sums / np.where(number > 0, number, np.nan)),
+            smooth=np.degrees(smooth[0]),
             gap=np.asarray(~reach.any(axis=0)),
-            start=int(highest_curvature(found)[0]),
+            start=int(highest_curvature(smooth)[0]),
             window=window,
         )
 

@@ -96,7 +96,7 @@ def grid_figure(steps: Steps, radius: float) -> Figure:
         ring_circle(axes[0], None, cells)
         start_mark(axes[0], 0, cells, "0°, start")
         for turn in (90, 180, 270):
-            x, y = 1.18 * np.cos(np.radians(turn)), 1.16 * np.sin(np.radians(turn))
+            x, y = 1.27 * np.cos(np.radians(turn)), 1.16 * np.sin(np.radians(turn))
             axes[0].text(x, y, f"{turn}°", ha="center", va="center", fontsize=8.5)
         axes[0].text(0, 0, rf"$N_g = {cells}$", ha="center", va="center")
         _in_space(axes[1], steps, six, radius)
@@ -211,11 +211,9 @@ def _cells_of(steps: Steps, chosen: np.ndarray) -> np.ndarray:
 
 
 def _window(axis: Axes, steps: Steps) -> None:
-    cells = steps.gap.shape[1]
-    offsets = {k if k <= cells / 2 else k - cells: weight for k, weight in steps.window.items()}
-    for k, weight in offsets.items():
+    for k, weight in steps.window.items():
         axis.bar(k, weight, width=0.86, color=TOWARDS if abs(k) == 2 else "#c9ced3")
-    most = max(offsets)
+    most = max(steps.window)
     axis.set(title="(a) weights about cell M", xlabel="cell", ylabel="weight", ylim=(0, 1.08))
     marks = sorted({-most, -2, 0, 2, most})
     axis.set_xticks(marks, [f"M{k:+d}".replace("M+0", "M") for k in marks])
@@ -225,9 +223,8 @@ def _window(axis: Axes, steps: Steps) -> None:
 def _contributions(axis: Axes, steps: Steps) -> None:
     """Of each cell with data the weights that it has in the cells around, in its own colour."""
     cells, values = steps.gap.shape[1], steps.grid[0, :, 1]
+    offsets, weights = np.array(sorted(steps.window.items())).T
     for k in np.flatnonzero(np.isfinite(values)):
-        offsets = np.array(sorted(j if j <= cells / 2 else j - cells for j in steps.window))
-        weights = np.array([steps.window[int(j % cells)] for j in offsets])
         colour = angle_colours(values[k : k + 1])[0]
         for turn in (-cells, 0, cells):  # the ring goes on at both ends
             axis.plot(k + offsets + turn, weights, color=colour, linewidth=1.0, alpha=0.9)

@@ -54,7 +54,7 @@ class PairDrawn:
     @staticmethod
     def of(around: Surroundings, centre: int, pair: int) -> PairDrawn:
         to_frame = around.frames[centre]
-        step, normal = (side.numpy()[:, pair] @ to_frame for side in (around.pairs.step, around.pairs.normal))
+        step, normal = (side[:, pair] @ to_frame for side in (around.pairs.step, around.pairs.normal))
         return PairDrawn(step, normal, np.degrees(around.angles[:, pair]))
 
 
@@ -113,7 +113,7 @@ def link_figure(linked: Linked, view: View) -> Figure:
                 arrow(axis, T[:3, 3], T[:3, 3] + length * direction, to_hex(colour), view)
         _transformation(axis, feature[:3, 3], tcp[:3, 3], view)
         note(axis, feature[:3, 3] + 0.047 * feature[:3, 0], r"$\alpha_3 = 0$, start", view, UP, TOWARDS, 8)
-        note(axis, tcp[:3, 3], "grasp (TCP)", view, RIGHT - UP, gap=48)
+        note(axis, tcp[:3, 3], "grasp (TCP)", view, -UP, gap=62)
         outcome = "success" if linked.success else "failure"
         id, name = linked.look.name.split()[-1], linked.look.name
         words = f"T = (pose of the grasp in the feature's frame, {outcome}, id {id}: {name})"
