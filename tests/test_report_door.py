@@ -67,7 +67,7 @@ def test_every_file_is_there_and_nothing_half_written(
     for name in PICTURES:
         assert (folder / f"{name}.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     assert "folds = 2 (3)" in (folder / "ablations.md").read_text()
-    assert "K = 5, paper" in done.stdout and "index.html" in done.stdout
+    assert "K = 5, the paper" in done.stdout and "index.html" in done.stdout
     told = [line for line in done.stderr.splitlines() if line.startswith("report:")]
     assert len(told) == 2 and "interrupted" in told[0] and "other objects" in told[1]
     assert "Warning" not in done.stderr, done.stderr

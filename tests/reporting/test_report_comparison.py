@@ -156,7 +156,7 @@ def test_the_verdict_follows_from_the_intervals() -> None:
     intervals = {"up": (0.001, 0.041), "down": (-0.08, -0.01), "touching": (1e-17, 0.05), "wide": (-0.1, 0.1)}
 
     def entry(name: str, low: float, high: float) -> Entry:
-        change = Difference(50, {"all": {"CG": (low + high) / 2}}, {"all": {"CG": (low, high)}})
+        change = Difference(50, 1, {"all": {"CG": (low + high) / 2}}, {"all": {"CG": (low, high)}})
         return Entry(name, 1000, None, {}, {}, change, None)  # type: ignore[arg-type]
 
     told = verdict([entry(name, *bounds) for name, bounds in intervals.items()], "spgf", "all", "CG")

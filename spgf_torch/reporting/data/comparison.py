@@ -156,7 +156,7 @@ def _entries(rows: Mapping[str, Mapping[int, Run]], config: CompareConfig, ranki
                 raise InputError(f"expected rates by the ranking {ranking}, got {', '.join(run.by_ranking)}")
             if reference is not None and reference is not run:
                 mine, theirs = _ranked(run, ranking), _ranked(reference, ranking)
-                change = difference(mine, theirs, ranking, config.bootstrap, config.seed)
+                change = difference({0: mine}, {0: theirs}, ranking, config.bootstrap, config.seed)
         except InputError as error:
             tell(f"left out of the ranking {ranking}: {name}, {run.folder.name}: {error}")
             continue
