@@ -72,6 +72,7 @@ def build_results(objects: Sequence[Novel], config: TrainConfig, dataset: str) -
         "K": config.K,
         "N": config.N,
         "seed": config.seed,
+        "classwise": config.classwise,
         "folds": len({o.fold for o in objects}),  # fewer than asked for where there are fewer objects
         "ranking": config.ranking,
         "success_rate": by_ranking[config.ranking],

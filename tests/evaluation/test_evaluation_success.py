@@ -16,7 +16,7 @@ from spgf_torch.evaluation import paper, tables
 from spgf_torch.evaluation.card import model_card
 from spgf_torch.evaluation.executed import ObjectOutcome, executed_results
 from spgf_torch.evaluation.files import write_json, write_per_object, write_predictions
-from spgf_torch.evaluation.folds import stratified_folds, stratified_order
+from spgf_torch.evaluation.folds import classwise_folds, stratified_folds, stratified_order
 from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.reliability import brier, reliability
 from spgf_torch.evaluation.results import build_results, object_rates, read_results
@@ -38,6 +38,16 @@ def test_folds_spread_every_class_evenly() -> None:
         assert counts.max() - counts.min() <= 1
     assert np.array_equal(fold, stratified_folds(CLASSES_OF_50, 5, seed=0))
     assert not np.array_equal(fold, stratified_folds(CLASSES_OF_50, 5, seed=1))
+
+
+def test_folds_of_each_class_are_its_own() -> None:
+    """Sorted by name: boxes have folds 0 to 4, containers 5 to 9, curved 10 to 14; sizes differ by at most one."""
+    fold, part = classwise_folds(CLASSES_OF_50, 5, seed=0)
+    for number, (name, count) in enumerate([("boxes", 14), ("containers", 20), ("curved", 16)]):
+        members = np.array(CLASSES_OF_50) == name
+        sizes = np.bincount(fold[members] - 5 * number, minlength=5)
+        assert sizes.sum() == count and len(sizes) == 5 and sizes.max() - sizes.min() <= 1
+        assert (part[members] == number).all()
 
 
 def test_every_beginning_of_the_order_has_the_proportions() -> None:
