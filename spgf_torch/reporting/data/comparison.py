@@ -1,7 +1,7 @@
 """Descriptors and the learned baseline side by side: which runs belong together, their rates, differences and costs.
 
 A row is a file of `conf/comparison`; a run belongs to the row whose settings it has. Rows of one comparison differ in
-nothing else but in how many trials of each type an object teaches, and in the seed: runs of several seeds are one entry.
+nothing else but in how many trials of each type an object teaches, and in the seed: those of several seeds are one.
 """
 
 from __future__ import annotations
