@@ -19,9 +19,9 @@ from torch import Tensor
 from spgf_torch.affordance.particles import Particles, Points
 from spgf_torch.geometry.lattice import Kernel, Lattice
 from spgf_torch.hands.config import GRASP_TYPES
-from spgf_torch.ops.analyse import Queries, Space, Weights, populate
-from spgf_torch.ops.analyse import analyse as counts_around
-from spgf_torch.ops.analyse import condense as significant_cells
+from spgf_torch.ops.neighbourhood_analysis import Queries, Space, Weights, populate
+from spgf_torch.ops.neighbourhood_analysis import analyse as counts_around
+from spgf_torch.ops.neighbourhood_analysis import condense as significant_cells
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,11 @@ from torch import Tensor
 from spgf_torch.geometry import se3
 from spgf_torch.geometry.lattice import Lattice, gaussian_kernel
 from spgf_torch.ops.accumulate_votes import Candidates, Voters
-from spgf_torch.ops.analyse import Queries, Space, Weights
-from spgf_torch.ops.analyse import populate as populate_operator
-from spgf_torch.ops.grid import Ring
 from spgf_torch.ops.kmeans_start import Weighted
 from spgf_torch.ops.look_up import Table
+from spgf_torch.ops.neighbourhood_analysis import Queries, Space, Weights
+from spgf_torch.ops.neighbourhood_analysis import populate as populate_operator
+from spgf_torch.ops.ring_grid import Ring
 
 Case = tuple[object, ...]
 

@@ -16,12 +16,25 @@ from torch import Tensor
 
 from spgf_torch.geometry.lattice import Kernel, Lattice
 from spgf_torch.ops.library import memory, operator, unknown_size
-from spgf_torch.ops.smoothing import Asked, Blocks, Near, hand_back, into_slices, ordered, outcomes, populated, weigh
+from spgf_torch.ops.neighbourhood_loops import (
+    Asked,
+    Blocks,
+    Near,
+    hand_back,
+    into_slices,
+    ordered,
+    outcomes,
+    populated,
+    weigh,
+)
 from spgf_torch.threads import in_parts
 
 
 class Space(NamedTuple):
-    """Particles of slice s are key[start[s] : start[s + 1]], ascending; start (S + 1,) int64, key (P,): `smoothing`."""
+    """Particles of slice s are key[start[s] : start[s + 1]], ascending; start (S + 1,) int64, key (P,).
+
+    What a key says: `neighbourhood_loops`.
+    """
 
     start: Tensor
     key: Tensor
@@ -285,7 +298,7 @@ def _blocks(key: np.ndarray, groups: int, lattice: Lattice) -> Blocks:
 
 
 def _weighed(blocks: Blocks, groups: int, near: Near, asked: Asked, voxels: int) -> np.ndarray:
-    """(Q, 3) f32: what `smoothing.weigh` finds for the voxels asked."""
+    """(Q, 3) f32: what `neighbourhood_loops.weigh` finds for the voxels asked."""
     found = np.zeros((len(asked.voxel), 3), np.float32)
     weigh(blocks, groups, near, asked, voxels, found)
     return found
