@@ -93,8 +93,8 @@ def test_page_marks_the_k_that_is_the_papers_best() -> None:
 def test_classes_by_themselves_stand_below_the_printed_row() -> None:
     alone = groups(made(20, "nested"), classwise=(made(10, "nested"), made(20, "nested")))[-2]
     assert [(row.row, row.label, row.K) for row in alone.rows[1:]] == [
-        ("classwise_ours:nested", "K = 10, ours, nested, 5 seeds", 10),
-        ("classwise_ours:nested", "K = 20, ours, nested, 5 seeds", 20),
+        ("classwise_ours:nested", "K = 10, by nested, 5 seeds", 10),
+        ("classwise_ours:nested", "K = 20, by nested, 5 seeds", 20),
     ]
 
 

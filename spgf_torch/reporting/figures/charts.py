@@ -25,6 +25,7 @@ from spgf_torch.reporting.pages.table1 import HEADINGS, NAMES
 SHOWN_CLASSES = ("all", "containers")  # of K and reach: where the paper's rates depend on K, and all together
 REACH_SCALE = [(0.0, "#E69F00"), (0.5, "#56B4E9"), (1.0, "#00416b")]  # near to far, also by lightness
 BESIDE: Any = {"linestyle": (0, (1, 1)), "marker": "s", "markersize": 3, "linewidth": 1.2}  # another ranking of ours
+PRINTED: Any = {"color": PAPER, "marker": "o", "markersize": 3.5, "markerfacecolor": "white", "linewidth": 1.2}
 FEW = 20  # grasps; a bin with fewer says little and is drawn hollow
 
 Curves = Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]  # class -> mean, low, high: each (types, N)
@@ -54,7 +55,7 @@ def success_over_k(rows: Sequence[Repeats], ranking: str, beside: str | None = N
     def draw(axis: Axes, name: str, kind: str) -> None:
         colour = TYPE_COLOURS[kind]
         theirs = [paper.SUCCESS_RATE[k][name][kind] for k in printed]
-        axis.plot(printed, theirs, color=PAPER, marker="o", markersize=3.5, markerfacecolor="white", linewidth=1.2)
+        axis.plot(printed, theirs, **PRINTED)
         _banded(axis, rows, ranking, name, kind, colour)
         if beside is not None:
             rates = [100 * row.rate(beside, name, kind) for row in other]
@@ -65,9 +66,9 @@ def success_over_k(rows: Sequence[Repeats], ranking: str, beside: str | None = N
         axis.set_xticks(sorted({*K, *printed}))
 
     legend = [
-        *_ours(f"ours, ranking {ranking}, 95 % band"),
-        *([Line2D([], [], **BESIDE, color="#202020", label=f"ours, {beside}")] if other else []),
-        Line2D([], [], color=PAPER, marker="o", markersize=4, markerfacecolor="white", label="the paper"),
+        *_ours(f"{HEADINGS.get(ranking, ranking)}, 95 % band"),
+        *([Line2D([], [], **BESIDE, color="#202020", label=HEADINGS.get(beside, beside))] if beside and other else []),
+        Line2D([], [], **PRINTED, label="the paper"),
         Line2D([], [], color=CHANCE, linestyle=(0, (4, 3)), label="random"),
         Line2D([], [], color=CEILING, linestyle=":", label="ceiling"),
     ]
@@ -77,18 +78,19 @@ def success_over_k(rows: Sequence[Repeats], ranking: str, beside: str | None = N
 def success_over_reach(curves: Mapping[float, Sequence[Repeats]], rankings: Sequence[str]) -> Figure:
     """CG over K, a line a reach (m) with its 95 % band: a row of all objects and one of containers, a column a ranking.
 
-    The paper's rates, of which it does not say the reach, are grey.
+    The paper's rates, of which it does not say the reach, are grey, beside the first ranking alone.
     """
     colours = dict(zip(curves, scale(REACH_SCALE)(np.linspace(0, 1, len(curves))), strict=True))
     ks = sorted({row.K for rows in curves.values() for row in rows})
     printed = [k for k in paper.SUCCESS_RATE if k <= max(ks)]
     with mpl.rc_context(LETTERS):
         figure = Figure(figsize=(1 + 3.3 * len(rankings), 5.6))
-        figure.subplots_adjust(0.09, 0.09, 0.985, 0.84, wspace=0.08, hspace=0.1)
+        figure.subplots_adjust(0.09, 0.09, 0.985, 0.89, wspace=0.08, hspace=0.1)
         axes = figure.subplots(len(SHOWN_CLASSES), len(rankings), sharex=True, sharey=True, squeeze=False)
         for (i, name), (j, ranking) in product(enumerate(SHOWN_CLASSES), enumerate(rankings)):
             axis, theirs = axes[i, j], [paper.SUCCESS_RATE[k][name]["CG"] for k in printed]
-            axis.plot(printed, theirs, color=PAPER, marker="o", markersize=3.5, markerfacecolor="white", linewidth=1.2)
+            if j == 0:
+                axis.plot(printed, theirs, **PRINTED)
             for reach, rows in curves.items():
                 _banded(axis, [row for row in rows if ranking in row.by_ranking], ranking, name, "CG", colours[reach])
             axis.set(ylim=(0, 103), xticks=ks)
@@ -101,7 +103,7 @@ def success_over_reach(curves: Mapping[float, Sequence[Repeats]], rankings: Sequ
             Line2D([], [], color=colour, marker="o", markersize=4, label=f"votes within {1000 * reach:g} mm")
             for reach, colour in colours.items()
         ]
-        legend.append(Line2D([], [], color=PAPER, marker="o", markersize=4, markerfacecolor="white", label="the paper"))
+        legend.append(Line2D([], [], **PRINTED, label="the paper"))
         figure.legend(handles=legend, loc="upper center", ncols=len(legend))
     return figure
 
@@ -112,7 +114,7 @@ def _banded(axis: Axes, rows: Sequence[Repeats], ranking: str, name: str, kind: 
     K, rates = [row.K for row in having], np.array([row.rate(ranking, name, kind) for row in having])
     bounds = np.array([row.interval95[ranking][name][kind] for row in having])
     if len(K) > 1:
-        axis.fill_between(K, *(100 * bounds.T), color=colour, alpha=0.18, linewidth=0)
+        axis.fill_between(K, *(100 * bounds.T), color=colour, alpha=0.15, linewidth=0)
     else:
         axis.errorbar(K, 100 * rates, 100 * np.abs(bounds.T - rates), color=colour, capsize=2.5, linewidth=1.2)
     axis.plot(K, 100 * rates, color=colour, marker="o", markersize=4, linewidth=1.8)

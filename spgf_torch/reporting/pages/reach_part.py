@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 
 from spgf_torch.drawing.page import Section, caption, chart, drawn, png, table
 from spgf_torch.errors import InputError
@@ -43,8 +44,12 @@ def reach_part(context: Context) -> Part | None:
 
 
 def reach_rows(curves: Curves, rankings: Sequence[str], context: Context) -> tuple[list[str], list[list[str]]]:
-    """Heading and rows: CG in percent at each K, and what K = 20 is better by. Raises InputError as `per_object`."""
-    ks = sorted({row.K for rows in curves.values() for row in rows})
+    """Heading and rows: CG in percent at each K that several reaches have, and what K = 20 is better by.
+
+    Raises InputError where the rates of objects cannot be read.
+    """
+    counts = Counter(row.K for rows in curves.values() for row in rows)
+    ks = sorted(K for K, count in counts.items() if count > 1)
     below = [K for K in ks if K < NOMINAL_K] if NOMINAL_K in ks else []
     head = ["ranking", "reach (mm)", "objects", "seeds", *(f"K = {K}" for K in ks)]
     head += [f"K = {NOMINAL_K} minus {K}" for K in below]
@@ -53,13 +58,18 @@ def reach_rows(curves: Curves, rankings: Sequence[str], context: Context) -> tup
         for ranking in rankings:
             for reach, rows in curves.items():
                 by_k = {row.K: row for row in rows if ranking in row.by_ranking}
-                counts = sorted({len(row.seeds[ranking]) for row in by_k.values()})
-                seeds = " to ".join(dict.fromkeys(str(count) for count in (counts[0], counts[-1])))
+                seeds = _span(len(by_k[K].seeds[ranking]) for K in ks if K in by_k)
                 rates = [_rate(by_k.get(K), ranking, name) for K in ks]
                 changes = [_change(by_k.get(NOMINAL_K), by_k.get(K), ranking, name, context) for K in below]
                 lines.append([HEADINGS.get(ranking, ranking), f"{1000 * reach:g}", name, seeds, *rates, *changes])
         lines.append(_printed(name, ks, below))
     return head, lines
+
+
+def _span(counts: Iterable[int]) -> str:
+    """`5`, or `1 to 5`; - of none."""
+    found = sorted(counts)
+    return " to ".join(dict.fromkeys(str(count) for count in (*found[:1], *found[-1:]))) or "-"
 
 
 def _rate(row: Repeats | None, ranking: str, name: str) -> str:

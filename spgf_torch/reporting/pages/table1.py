@@ -81,7 +81,7 @@ def table1(
         if found:
             groups.append(Group(HEADINGS.get(ranking, f"ranking: {ranking}"), tuple(found)))
     alone = [
-        _ours(each, ranking, f"K = {each.K}, ours, {ranking}", "classwise_ours")
+        _ours(each, ranking, f"K = {each.K}, by {ranking}", "classwise_ours")
         for ranking in rankings[:2]
         for each in classwise
         if ranking in each.by_ranking
