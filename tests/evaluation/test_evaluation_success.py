@@ -186,6 +186,8 @@ def test_the_model_card_says_what_was_measured(config: TrainConfig) -> None:
     card = model_card(results, config, objects=10, trials=600, size=2_000_000)
     rate = f"{100 * results['by_ranking']['nested']['all']['CG']:.1f}"
     assert rate in card and "600 simulated trials" in card and "2 MB" in card
+    assert card.index("Ranked as in the paper") < card.index("knows more than the paper's") < card.index(rate)
+    assert "One seed (0)" in card and "RobWorkSim" in card and "83.8" in card
     assert "log_odds in 4 of 5 folds" in card and "| WPG | 0.250 | 0.010 |" in card and "## Limits" in card
 
 
@@ -207,6 +209,7 @@ def test_the_table_shows_the_paper_beside_ours(config: TrainConfig) -> None:
     text = console.export_text()
     assert "log_odds in 4 of 5 folds, paper in 1 of 5 folds" in text and "WPG 0.100 (as voted" in text
     assert "83.8" in text and "nested" in text and "100.0" in text and "…" not in text
+    assert "of one seed (0)" in text and "RobWorkSim" in text and "sensed" in text
 
 
 def test_a_judge_stands_beside_the_votes(config: TrainConfig) -> None:
