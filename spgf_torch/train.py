@@ -153,43 +153,42 @@ def _votes(
     """The paper's experiment on these trials: its results; the model and what was predicted are written."""
     from spgf_torch.affordance.model import save_model
     from spgf_torch.evaluation.card import model_card
-    from spgf_torch.evaluation.files import write_per_object, write_predictions
-    from spgf_torch.evaluation.novel import novel_objects
+    from spgf_torch.evaluation.files import write_per_object
+    from spgf_torch.evaluation.predictions import Predictions, write_predictions
     from spgf_torch.evaluation.results import build_results
     from spgf_torch.experiment.costs import prediction_ms
-    from spgf_torch.experiment.describe import Description
+    from spgf_torch.experiment.describe import Describer
     from spgf_torch.experiment.experiment import Experiment
     from spgf_torch.experiment.held_out import save_fold_models
-    from spgf_torch.experiment.labelled_grasps import Tried, dataset_digest, open_hand
-    from spgf_torch.experiment.training_set import Example
+    from spgf_torch.experiment.labelled_grasps import dataset_digest, open_hand
     from spgf_torch.files.writing import write_text
 
-    tried = [Tried.of(table) for table in tables]
     volumes = open_hand(config.hand)
-    describe = Description(
+    describer = Describer(
         config.sensing, config.features, config.affordance, volumes, config.seed, config.device, cache
     )
-    described = describe.describe(objects, [t.grasps for t in tried], stages)
-    examples = [Example(d, t.success.to(config.device)) for d, t in zip(described, tried, strict=True)]
+    described = describer.describe(objects, tables, stages)
+    examples = [obj.with_success(table.success) for obj, table in zip(described, tables, strict=True)]
     learned = Experiment.of(config, design, objects, examples, cache).run(stages)
-    predicted = learned.predicted
+    scores = learned.scores
     if config.ranking == JUDGE:
         from spgf_torch.judging.candidates import CandidateRanking  # brings scikit-learn
 
-        scores = CandidateRanking.of(config, cache).scores(design, objects, tried, examples, stages)
-        predicted = [each.joined_by(JUDGE, score) for each, score in zip(predicted, scores, strict=True)]
+        judged = CandidateRanking.of(config, cache).scores(design, objects, tables, examples, stages)
+        scores = [each.joined_by(JUDGE, score) for each, score in zip(scores, judged, strict=True)]
 
-    novel, model = novel_objects(objects, tried, predicted, design.fold), learned.model
-    results = build_results(novel, config, dataset_digest(objects, tried)) | {"from_cache": dict(cache.hits)}
+    rows = zip(objects, tables, scores, design.fold.tolist(), strict=True)
+    predictions, model = [Predictions.of(*row) for row in rows], learned.model
+    results = build_results(predictions, config, dataset_digest(objects, tables)) | {"from_cache": dict(cache.hits)}
     if model is not None:
         size = save_model(model, folder)
-        results["costs"] = {"model_bytes": size, "prediction_ms": prediction_ms(model, describe, objects, tried)}
-        trials = sum(len(t.success) for t in tried)
+        results["costs"] = {"model_bytes": size, "prediction_ms": prediction_ms(model, describer, objects, tables)}
+        trials = sum(map(len, tables))
         write_text(folder / "README.md", model_card(results, config, len(objects), trials, size))
     if learned.of_fold:
         save_fold_models(learned.of_fold, objects, design.fold.tolist(), folder)
-    write_per_object(folder / "per_object.csv", novel, config.N)
-    write_predictions(folder / "predictions.parquet", novel)
+    write_per_object(folder / "per_object.csv", predictions, config.N)
+    write_predictions(folder / "predictions.parquet", predictions)
     return results
 
 

@@ -10,7 +10,7 @@ from doors import ROOT, python
 
 from spgf_torch.affordance.calibration import uncalibrated
 from spgf_torch.affordance.config import AffordanceConfig
-from spgf_torch.affordance.model import GraspModel, lattice_of, save_model
+from spgf_torch.affordance.model import GraspModel, grid_of, save_model
 from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.hands.config import HandConfig
@@ -62,7 +62,7 @@ def votes(folder: Path, K: int = 3) -> Path:
     condensed = Condensed(torch.zeros(2 * K + 1, dtype=torch.int64), nothing.int(), nothing, nothing, base_rate)
     rooms = {"sensing": SensingConfig, "features": FeatureConfig, "prototypes": PrototypeConfig, "hand": HandConfig}
     said = {name: plain(settings(kind)) for name, kind in (rooms | {"affordance": AffordanceConfig}).items()}
-    lattice = lattice_of(settings(AffordanceConfig))
+    lattice = grid_of(settings(AffordanceConfig))
     save_model(GraspModel(torch.zeros(K, 144), condensed, lattice, uncalibrated(base_rate), said), folder)
     return folder
 

@@ -11,7 +11,7 @@ from torch import Tensor
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import GraspModel, learn
 from spgf_torch.cache import Cache, fingerprint, program
-from spgf_torch.experiment.training_set import Example
+from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.threads import in_parts
@@ -43,9 +43,9 @@ class PrototypeFit:
         return {"centres": fit_prototypes(relations, self.config, self.seed)}
 
 
-def learn_model(examples: Sequence[Example], centres: Tensor, config: AffordanceConfig) -> GraspModel:
+def learn_model(examples: Sequence[DescribedObject], centres: Tensor, config: AffordanceConfig) -> GraspModel:
     """Condensed shape-grasp particles (section 3.4) of all examples, given prototypes; not calibrated."""
-    parts = [(e.described.pairs, assign(e.described.relations, centres), e.success) for e in examples]
+    parts = [(e.pairs, assign(e.relations, centres), e.outcomes) for e in examples]
     return learn(parts, centres, config)
 
 

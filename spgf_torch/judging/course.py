@@ -24,7 +24,7 @@ from spgf_torch.judging.clouds import training_clouds
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.fitting import fits
 from spgf_torch.judging.learning import calibration_of, judge_of, learn_judge
-from spgf_torch.judging.own_trials import OwnOrigin, OwnTrials, read_own, write_own
+from spgf_torch.judging.own_trials import OwnProvenance, OwnTrials, read_own, write_own
 from spgf_torch.judging.rounds import Workshop, own_round, own_rows, random_rows, random_tables
 from spgf_torch.judging.rows import Bench, Rows
 from spgf_torch.judging.survey import survey
@@ -71,7 +71,7 @@ class Course:
         shop, given = Workshop(trials, search, config, cache, stages, runner), None
         fold = _folds(objects, config)
         if config.own_trials is not None:
-            given = read_own(find(config.own_trials), [OwnOrigin.of(obj, trials, config) for obj in objects])
+            given = read_own(find(config.own_trials), [OwnProvenance.of(obj, trials, config) for obj in objects])
         return Course(objects, fold, shop, given)
 
     def tables(self) -> list[TrialTable]:

@@ -35,8 +35,8 @@ def fits(obj: GraspObject, hand: Hand, search: Search, config: JudgeConfig) -> d
     """Whether an object fits the hand: on a table (True), and alone (False)."""
     T, width = opposite_places(obj, config.hypotheses.friction)
     found = []
-    for code, kind in enumerate(GRASP_TYPES):
-        region, check = search.hands[code].region, PreCheck(obj, hand.preshapes[kind])
+    for code, name in enumerate(GRASP_TYPES):
+        region, check = search.hands[code].region, PreCheck(obj, hand.preshapes[name])
         within = T[width <= 2 * (region.half - config.hypotheses.play)]
         its = torch.cat([moved(within, torch.tensor(-share * region.high), torch.zeros(1)) for share in ON_PADS])
         its = its[torch.tensor([not check.collides(pose) for pose in its.double().numpy()], dtype=torch.bool)]

@@ -16,7 +16,7 @@ import torch
 from spgf_torch.cache import Cache
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.judging.config import JudgeConfig
-from spgf_torch.judging.own_trials import OwnOrigin, OwnTrials
+from spgf_torch.judging.own_trials import OwnProvenance, OwnTrials
 from spgf_torch.judging.rows import PICKED, SAMPLED, Bench, Chosen, Rows
 from spgf_torch.judging.trying import tried
 from spgf_torch.objects.grasp_object import GraspObject
@@ -77,7 +77,7 @@ def own_round(
     drafts = []
     for bench in benches:
         chosen = choose(bench, judges[int(fold[bench.index])], number, shop.config)
-        drafts.append(OwnTrials.of(OwnOrigin.of(bench.obj, shop.trials, shop.config), chosen, number))
+        drafts.append(OwnTrials.of(OwnProvenance.of(bench.obj, shop.trials, shop.config), chosen, number))
     outcomes = _tried([bench.obj for bench in benches], [draft.chosen.poses for draft in drafts], shop)
     return [replace(draft, outcome=outcome) for draft, outcome in zip(drafts, outcomes, strict=True)]
 
@@ -91,7 +91,7 @@ def own_rows(benches: Sequence[Bench], own: Sequence[OwnTrials], number: int, sh
 def choose(bench: Bench, judge: Judge, number: int, config: JudgeConfig) -> Chosen:
     """In each cloud of an object the `best` hypotheses that are no two the same grasp, then `random` of the others."""
     rng = torch.Generator().manual_seed(zlib.crc32(f"{config.seed}/{number}/{bench.obj.name}".encode()))
-    T, kind, cloud, rank, probability = [], [], [], [], []
+    T, grasp_type, cloud, rank, probability = [], [], [], [], []
     for index, (hypotheses, numbers) in enumerate(zip(bench.hypotheses, bench.numbers, strict=True)):
         p = judge.probability(numbers, images=True)
         alike = torch.zeros(len(p), dtype=torch.int64)
@@ -100,11 +100,11 @@ def choose(bench: Bench, judge: Judge, number: int, config: JudgeConfig) -> Chos
         others = others[~torch.isin(others, best)][: config.random if number <= config.rounds else 0]
         both = torch.cat([best, others])
         T.append(hypotheses.T[both])
-        kind.append(hypotheses.grasp_type[both])
+        grasp_type.append(hypotheses.grasp_type[both])
         cloud.append(torch.full((len(both),), index))
         rank.append(torch.cat([torch.arange(len(best)), torch.full((len(others),), PICKED)]))
         probability.append(p[both])
-    return Chosen(Hypotheses(torch.cat(T), torch.cat(kind)), *map(torch.cat, (cloud, rank, probability)))
+    return Chosen(Hypotheses(torch.cat(T), torch.cat(grasp_type)), *map(torch.cat, (cloud, rank, probability)))
 
 
 def _rows(

@@ -14,14 +14,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.geometry.lattice import Kernel, Lattice
+from spgf_torch.geometry.se3_grid import Kernel, SE3Grid
 from spgf_torch.ops.library import memory, operator, unknown_size
 from spgf_torch.ops.neighbourhood_loops import (
     Asked,
     Blocks,
     Near,
     hand_back,
-    into_slices,
+    into_partitions,
     ordered,
     outcomes,
     populated,
@@ -31,7 +31,7 @@ from spgf_torch.threads import in_parts
 
 
 class Space(NamedTuple):
-    """Particles of slice s are key[start[s] : start[s + 1]], ascending; start (S + 1,) int64, key (P,).
+    """Particles of partition s are key[start[s] : start[s + 1]], ascending; start (S + 1,) int64, key (P,).
 
     What a key says: `neighbourhood_loops`.
     """
@@ -41,11 +41,11 @@ class Space(NamedTuple):
 
 
 class Queries(NamedTuple):
-    """Points that are asked for: slice, cell (Q,) int32, and without (Q,) int64, the group that is left out."""
+    """Points that are asked for: partition, cell (Q,) int32, and excluded_group (Q,) int64."""
 
-    slice: Tensor
+    partition: Tensor
     cell: Tensor
-    without: Tensor
+    excluded_group: Tensor
 
 
 class Weights(NamedTuple):
@@ -66,79 +66,94 @@ Condensed = tuple[Tensor, Tensor, Tensor, Tensor]
 
 
 @operator(
-    "populate(Tensor[] slice, Tensor[] cell, Tensor[] success, SymInt[] parts, int slices, float[] lattice) "
+    "populate(Tensor[] partition, Tensor[] cell, Tensor[] success, SymInt[] parts, int partitions, float[] lattice) "
     "-> (Tensor start, Tensor key)"
 )
 def populate(
-    slice: list[Tensor], cell: list[Tensor], success: list[Tensor], parts: list[int], slices: int, lattice: list[float]
+    partition: list[Tensor],
+    cell: list[Tensor],
+    success: list[Tensor],
+    parts: list[int],
+    partitions: int,
+    lattice: list[float],
 ) -> tuple[Tensor, Tensor]:
-    """The `Space` of particles: slice, cell int32 and success bool of each part; `parts` of them in each group."""
-    voxels, groups, kind = Lattice(*lattice).voxels, len(parts), _key_type(lattice, len(parts))
+    """The `Space` of particles: partition, cell int32 and success bool of each part; `parts` of them in each group."""
+    voxels, groups, kind = SE3Grid(*lattice).voxels, len(parts), _key_type(lattice, len(parts))
     group = [g for g, count in enumerate(parts) for _ in range(count)]
     keys = []
     for g, cells, held in zip(group, cell, success, strict=True):
         rotation = cells.long() // voxels
         keys.append(((rotation * groups + g) * voxels + cells - rotation * voxels) * 2 + held)
-    of_slice, key = torch.cat(slice).long(), torch.cat(keys)
-    span = 2 * groups * Lattice(*lattice).cells
-    key = (of_slice * span + key).sort().values % span
-    counts = torch.bincount(of_slice, minlength=slices)
+    of_partition, key = torch.cat(partition).long(), torch.cat(keys)
+    span = 2 * groups * SE3Grid(*lattice).cells
+    key = (of_partition * span + key).sort().values % span
+    counts = torch.bincount(of_partition, minlength=partitions)
     return torch.cat([counts.new_zeros(1), counts.cumsum(0)]), key.to(kind)
 
 
 @populate.on_cpu
 def _populate_in_loops(
-    slice: list[Tensor], cell: list[Tensor], success: list[Tensor], parts: list[int], slices: int, lattice: list[float]
+    partition: list[Tensor],
+    cell: list[Tensor],
+    success: list[Tensor],
+    parts: list[int],
+    partitions: int,
+    lattice: list[float],
 ) -> tuple[Tensor, Tensor]:
-    voxels, groups = Lattice(*lattice).voxels, len(parts)
-    columns = [(memory(s), memory(c), memory(held)) for s, c, held in zip(slice, cell, success, strict=True)]
-    counts = np.zeros((slices, 2), np.int64)
-    for of_slice, _, held in columns:
-        outcomes(of_slice, held, counts)
+    voxels, groups = SE3Grid(*lattice).voxels, len(parts)
+    columns = [(memory(s), memory(c), memory(held)) for s, c, held in zip(partition, cell, success, strict=True)]
+    counts = np.zeros((partitions, 2), np.int64)
+    for of_partition, _, held in columns:
+        outcomes(of_partition, held, counts)
     start = np.append(0, counts.sum(1).cumsum())
     found = torch.empty(start[-1], dtype=_key_type(lattice, groups))
     key, at = found.numpy(), start[:-1].copy()
-    for g, (of_slice, cells, held) in zip(np.repeat(np.arange(groups), parts).tolist(), columns, strict=True):
-        into_slices(of_slice, cells, held, voxels, g, groups, at, key)
-    list(in_parts(lambda s: key[start[s] : start[s + 1]].sort(), range(slices)))
+    for g, (of_partition, cells, held) in zip(np.repeat(np.arange(groups), parts).tolist(), columns, strict=True):
+        into_partitions(of_partition, cells, held, voxels, g, groups, at, key)
+    list(in_parts(lambda s: key[start[s] : start[s + 1]].sort(), range(partitions)))
     return torch.from_numpy(start), found
 
 
 @populate.fake
 def _populate_shapes(
-    slice: list[Tensor], cell: list[Tensor], success: list[Tensor], parts: list[int], slices: int, lattice: list[float]
+    partition: list[Tensor],
+    cell: list[Tensor],
+    success: list[Tensor],
+    parts: list[int],
+    partitions: int,
+    lattice: list[float],
 ) -> tuple[Tensor, Tensor]:
     particles = sum(column.shape[0] for column in cell)
-    start = cell[0].new_empty(slices + 1, dtype=torch.int64)
+    start = cell[0].new_empty(partitions + 1, dtype=torch.int64)
     return start, cell[0].new_empty(particles, dtype=_key_type(lattice, len(parts)))
 
 
 def _key_type(lattice: list[float], groups: int) -> torch.dtype:
-    return torch.int32 if Lattice(*lattice).cells * groups * 2 < torch.iinfo(torch.int32).max else torch.int64
+    return torch.int32 if SE3Grid(*lattice).cells * groups * 2 < torch.iinfo(torch.int32).max else torch.int64
 
 
 @operator("analyse(Tensor[] space, int groups, Tensor[] queries, Tensor[] weights, float[] lattice) -> Tensor")
 def analyse(space: Space, groups: int, queries: Queries, weights: Weights, lattice: list[float]) -> Tensor:
     """(Q, 3) f32: successes and particles near each point, weighted, and particles in its cell; 0 without any there.
 
-    groups: of particles; a point that asks `without` this number leaves none out. Repeats are welcome.
+    groups: of particles; a point whose `excluded_group` is this number leaves none out. Repeats are welcome.
     """
     (start, key), queries = Space(*space), Queries(*queries)
     counts = torch.zeros((len(queries.cell), 3), device=key.device)
     for s, (first, end) in enumerate(pairwise(start.tolist())):
-        asking = (queries.slice == s).nonzero()[:, 0]
+        asking = (queries.partition == s).nonzero()[:, 0]
         if len(asking) and end > first:
-            particles = _Particles.of(key[first:end], groups, Lattice(*lattice).voxels)
-            counts[asking] = particles.around(queries.cell[asking], queries.without[asking], Weights(*weights))
+            particles = _Particles.of(key[first:end], groups, SE3Grid(*lattice).voxels)
+            counts[asking] = particles.around(queries.cell[asking], queries.excluded_group[asking], Weights(*weights))
     return counts
 
 
 @analyse.on_cpu
 def _analyse_in_loops(space: Space, groups: int, queries: Queries, weights: Weights, lattice: list[float]) -> Tensor:
-    grid, near = Lattice(*lattice), Near(*(memory(column) for column in weights))
+    grid, near = SE3Grid(*lattice), Near(*(memory(column) for column in weights))
     first, key = (memory(column) for column in space)
-    of_slice, cell, view = (memory(column) for column in queries)
-    start, order = _in_order(of_slice, len(first) - 1)
+    of_partition, cell, view = (memory(column) for column in queries)
+    start, order = _in_order(of_partition, len(first) - 1)
     counts, views = np.zeros((len(cell), 3), np.float32), groups + 1
 
     def work(s: int) -> None:
@@ -163,14 +178,14 @@ def _analyse_shapes(space: Space, groups: int, queries: Queries, weights: Weight
     "-> (Tensor slice_start, Tensor cell, Tensor probability, Tensor support)"
 )
 def condense(space: Space, weights: Weights, lattice: list[float], min_support: float) -> Condensed:
-    """The cells (N,) int32 of significant support, by slice, then cell; those of slice s from slice_start[s] on.
+    """Cells (N,) int32 of significant support, by partition, then cell; of partition s from partition_start[s] on.
 
     space: of one group of particles. probability, support (N,) f32: share of successes, and weighted particles.
     """
     start, key = Space(*space)
     columns = [_no_points(key)]
     for first, end in pairwise(start.tolist()):
-        particles = _Particles.of(key[first:end], 1, Lattice(*lattice).voxels)
+        particles = _Particles.of(key[first:end], 1, SE3Grid(*lattice).voxels)
         cell = particles.cell.unique()
         success, support, _ = particles.around(cell, torch.ones_like(cell), Weights(*weights)).unbind(1)
         kept = (support >= min_support).nonzero()[:, 0]
@@ -182,7 +197,7 @@ def condense(space: Space, weights: Weights, lattice: list[float], min_support: 
 
 @condense.on_cpu
 def _condense_in_loops(space: Space, weights: Weights, lattice: list[float], min_support: float) -> Condensed:
-    grid, near = Lattice(*lattice), Near(*(memory(column) for column in weights))
+    grid, near = SE3Grid(*lattice), Near(*(memory(column) for column in weights))
     first, key = (memory(column) for column in space)
 
     def work(s: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -194,9 +209,9 @@ def _condense_in_loops(space: Space, weights: Weights, lattice: list[float], min
         return cell[kept], (success / support)[kept], support[kept]
 
     columns = [(np.empty(0, np.int32), *np.empty((2, 0), np.float32)), *in_parts(work, range(len(first) - 1))]
-    slice_start = torch.tensor([len(cell) for cell, _, _ in columns]).cumsum(0)
+    partition_start = torch.tensor([len(cell) for cell, _, _ in columns]).cumsum(0)
     cell, probability, support = (torch.from_numpy(np.concatenate(c)) for c in zip(*columns, strict=True))
-    return slice_start, cell, probability, support
+    return partition_start, cell, probability, support
 
 
 @condense.fake
@@ -226,7 +241,7 @@ class _Table(NamedTuple):
 
 
 class _Particles(NamedTuple):
-    """The particles of one slice, (P,) int64 each: cell, group, and success 0 or 1."""
+    """The particles of one partition, (P,) int64 each: cell, group, and success 0 or 1."""
 
     cell: Tensor
     group: Tensor
@@ -240,12 +255,12 @@ class _Particles(NamedTuple):
         block, voxel = place // voxels, place % voxels
         return _Particles(block // groups * voxels + voxel, block % groups, success, groups, voxels)
 
-    def around(self, cell: Tensor, without: Tensor, weights: Weights) -> Tensor:
+    def around(self, cell: Tensor, excluded_group: Tensor, weights: Weights) -> Tensor:
         """(Q, 3) f32 for cells (Q,), as `analyse` has them."""
         found = torch.zeros((len(cell), 3), device=cell.device)
         everyone = self._tables(slice(None), weights)
-        for view in without.unique().tolist():
-            asking = (without == view).nonzero()[:, 0]
+        for view in excluded_group.unique().tolist():
+            asking = (excluded_group == view).nonzero()[:, 0]
             left_out = [self._tables(self.group == view, weights)] if view < self.groups else []
             cells, place = (
                 cell[asking].long().unique(return_inverse=True)
@@ -289,8 +304,8 @@ def _in_order(bucket: np.ndarray, buckets: int) -> tuple[np.ndarray, np.ndarray]
     return start, order
 
 
-def _blocks(key: np.ndarray, groups: int, lattice: Lattice) -> Blocks:
-    """The populated cells of one slice, by rotation and group."""
+def _blocks(key: np.ndarray, groups: int, lattice: SE3Grid) -> Blocks:
+    """The populated cells of one partition, by rotation and group."""
     start = np.zeros(lattice.rotations * groups + 1, np.int64)
     voxel, counts = np.empty(len(key), np.int32), np.zeros((len(key), 2), np.float32)
     populated(key, lattice.voxels, start, voxel, counts)

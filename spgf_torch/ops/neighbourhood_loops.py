@@ -1,4 +1,4 @@
-"""The loops of the neighbourhood analysis, compiled: particles of a slice in, kernel-weighted counts at cells out.
+"""The loops of the neighbourhood analysis, compiled: particles of a partition in, kernel-weighted counts at cells out.
 
 One rotation after the other, its particles are smoothed in translation into a table of that rotation's voxels, which
 stays in the processor's second-level cache; then every cell that asks in a rotation near it adds what the table holds
@@ -21,7 +21,7 @@ from spgf_torch.compiled import compiled
 
 
 class Blocks(NamedTuple):
-    """Populated voxels of a slice: those of block b are start[b] : start[b + 1].
+    """Populated voxels of a partition: those of block b are start[b] : start[b + 1].
 
     start (blocks + 1,) int64, voxel (N,) int32, counts (N, 2) f32: successes and particles.
     """
@@ -32,7 +32,7 @@ class Blocks(NamedTuple):
 
 
 class Near(NamedTuple):
-    """A `geometry.lattice.Kernel`."""
+    """A `geometry.se3_grid.Kernel`."""
 
     offset: np.ndarray
     weight: np.ndarray
@@ -55,15 +55,15 @@ class Table(NamedTuple):
 
 
 @compiled
-def outcomes(slice_: np.ndarray, success: np.ndarray, counts: np.ndarray) -> None:
-    """In and out: counts (S, 2) int64, to which the failures and successes in each slice are added."""
-    for i in range(len(slice_)):
-        counts[slice_[i], int(success[i])] += 1
+def outcomes(partition: np.ndarray, success: np.ndarray, counts: np.ndarray) -> None:
+    """In and out: counts (S, 2) int64, to which the failures and successes in each partition are added."""
+    for i in range(len(partition)):
+        counts[partition[i], int(success[i])] += 1
 
 
 @compiled
-def into_slices(
-    slice_: np.ndarray,
+def into_partitions(
+    partition: np.ndarray,
     cell: np.ndarray,
     success: np.ndarray,
     voxels: int,
@@ -72,9 +72,9 @@ def into_slices(
     at: np.ndarray,
     key: np.ndarray,
 ) -> None:
-    """Out: key, of a group's particles, those of slice s from key[at[s]] on. In and out: at (S,) int64 moves on."""
-    for i in range(len(slice_)):
-        s, rotation = slice_[i], cell[i] // voxels
+    """Out: key, of a group's particles, those of partition s from key[at[s]] on. In and out: at (S,) int64 moves on."""
+    for i in range(len(partition)):
+        s, rotation = partition[i], cell[i] // voxels
         block, voxel = rotation * groups + group, cell[i] - rotation * voxels
         key[at[s]] = (block * voxels + voxel) * 2 + success[i]
         at[s] += 1
@@ -82,7 +82,7 @@ def into_slices(
 
 @compiled
 def populated(key: np.ndarray, voxels: int, start: np.ndarray, voxel: np.ndarray, counts: np.ndarray) -> None:
-    """Out: `Blocks` from the sorted keys (N,) of a slice; start and counts hold 0 before."""
+    """Out: `Blocks` from the sorted keys (N,) of a partition; start and counts hold 0 before."""
     i, n, last = 0, -1, np.int64(-1)
     for block in range(len(start) - 1):
         first = np.int64(block) * voxels

@@ -7,7 +7,7 @@
 4. The best move to better poses nearby as long as the score grows and the hand stays free.
 5. Non-maximum suppression leaves one of each grasp.
 
-Every step looks at relative poses only, so grasps move with their input; which cell of the lattice a relative pose
+Every step looks at relative poses only, so grasps move with their input; which cell of the SE(3) grid a relative pose
 falls into is the one thing that rounding can change.
 """
 
@@ -25,9 +25,9 @@ from torch import Tensor
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import GraspModel, vote
 from spgf_torch.affordance.pairs import cell_pairs
-from spgf_torch.affordance.ranking import Judged, judge, point_gains, shrunk_mean
+from spgf_torch.affordance.ranking import GraspScores, point_gains, score_grasps, shrunk_mean
 from spgf_torch.affordance.sensed_collision import HandVolume
-from spgf_torch.affordance.voting import Votes, VotingIndex, polled
+from spgf_torch.affordance.voting import Votes, VotingIndex, vote_totals
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.features.interface import LocalFeatures
@@ -135,7 +135,7 @@ class Proposer:
 
     @cached_property
     def index(self) -> VotingIndex:
-        return VotingIndex(self.model.condensed, self.model.lattice)
+        return VotingIndex(self.model.condensed, self.model.grid)
 
     @cached_property
     def shortlist(self) -> Shortlist:
@@ -143,7 +143,7 @@ class Proposer:
 
     @cached_property
     def gains(self) -> Tensor:
-        """(P,) f32: what a vote is worth that finds a point of the model."""
+        """(P,) f32: the gain in log-odds of a vote that finds a point of the model."""
         return point_gains(self.model.condensed, self.affordance)
 
     @cached_property
@@ -250,16 +250,16 @@ class Proposer:
         pool = pool.at(pool.best_of_each_type(config.count))
         pool = pool.at(torch.argsort(pool.score, descending=True, stable=True))
         votes = self.votes(pool.T, pool.grasp_type, voters)
-        judged = self.judged(votes, pool.grasp_type, self.affordance)  # the score that calibration was learned for
-        probability = self.model.calibration.probability(judged.log_odds, judged.grasp_type, judged.collides)
-        supported = (judged.votes > 0).nonzero()[:, 0]
+        scores = self.scores(votes, pool.grasp_type, self.affordance)  # what calibration was learned for
+        probability = scores.calibrated(self.model.calibration).probability
+        supported = (scores.votes > 0).nonzero()[:, 0]
         voted_by = votes_by_prototype(votes, len(pool.score))
         return Proposals(
             pool.T[supported].float(),
             pool.grasp_type[supported],
             probability[supported],
             pool.score[supported],
-            judged.votes[supported],
+            scores.votes[supported],
             tuple(voted_by[i] for i in supported.tolist()),
         )
 
@@ -268,18 +268,18 @@ class Proposer:
         first = voters.first(n)
         shrinkage = self.config.vote_shrinkage * len(first) / max(1, len(voters))
         affordance = replace(self.affordance, vote_shrinkage=shrinkage)
-        found = polled(self.index, self.gains, first.T_object_feature, first.prototype, T, grasp_type)
-        return shrunk_mean(found.worth, found.votes, affordance)
+        found = vote_totals(self.index, self.gains, first.T_object_feature, first.prototype, T, grasp_type)
+        return shrunk_mean(found.log_odds_gain, found.votes, affordance)
 
     def votes(self, T: Tensor, grasp_type: Tensor, voters: Voters) -> Votes:
         """What the voters say of poses (G, 4, 4)."""
         pairs = cell_pairs(voters.T_object_feature, T, grasp_type, self.affordance)
         return vote(self.index, pairs, voters.prototype)
 
-    def judged(self, votes: Votes, grasp_type: Tensor, affordance: AffordanceConfig) -> Judged:
+    def scores(self, votes: Votes, grasp_type: Tensor, affordance: AffordanceConfig) -> GraspScores:
         """The votes on free grasps of types (G,), combined."""
         free = torch.zeros_like(grasp_type, dtype=torch.bool)
-        return judge(votes, self.model.condensed.base_rate, grasp_type, free, affordance)
+        return score_grasps(votes, self.model.condensed.base_rate, grasp_type, free, affordance)
 
 
 def propose(

@@ -19,10 +19,10 @@ from spgf_torch.proposing.spreading import suppress
 
 @dataclass(frozen=True)
 class Shortlist:
-    """Promising points, ordered by slice (prototype * number of types + type), then from the best down.
+    """Promising points, ordered by partition (prototype * number of types + type), then from the best down.
 
     Attributes:
-        start (S + 1,) int64: points of slice s are start[s] : start[s + 1].
+        start (S + 1,) int64: points of partition s are start[s] : start[s + 1].
         T_feature_grasp (P, 4, 4) f32: at the centres of the points' cells.
     """
 
@@ -35,11 +35,11 @@ class Shortlist:
         Ordered by feature, then type, then as the points are.
         """
         types = torch.arange(len(GRASP_TYPES), device=prototype.device)
-        slices = (prototype.unsqueeze(1) * len(GRASP_TYPES) + types).flatten()
-        counts = self.start.diff()[slices]
-        which = torch.repeat_interleave(torch.arange(len(slices), device=prototype.device), counts)  # (H,)
+        partitions = (prototype.unsqueeze(1) * len(GRASP_TYPES) + types).flatten()
+        counts = self.start.diff()[partitions]
+        which = torch.repeat_interleave(torch.arange(len(partitions), device=prototype.device), counts)  # (H,)
         within = torch.arange(len(which), device=prototype.device) - (counts.cumsum(0) - counts)[which]
-        point = self.start[slices[which]] + within
+        point = self.start[partitions[which]] + within
         T_feature_grasp = self.T_feature_grasp[point].to(T_object_feature.dtype)
         return T_object_feature[which // len(GRASP_TYPES)] @ T_feature_grasp, which % len(GRASP_TYPES)
 
@@ -47,17 +47,17 @@ class Shortlist:
 def shortlist(model: GraspModel, gain: Tensor, config: ProposingConfig) -> Shortlist:
     """The points that promise most: better than their type's base rate, and well supported.
 
-    Of each slice the `pool` points of the highest gain (P,) f32 (`ranking.point_gains`: shrunk by the support) and
+    Of each partition the `pool` points of the highest gain (P,) f32 (`ranking.point_gains`: shrunk by the support) and
     at least `point_support` particles are merged by non-maximum suppression, and the first `points` stay.
     """
     condensed = model.condensed
     promising = (gain > 0) & (condensed.support >= config.point_support)
     chosen, counts = [], [0]
-    for s in range(len(condensed.slice_start) - 1):
-        first, end = condensed.slice_start[s : s + 2].tolist()
+    for s in range(len(condensed.partition_start) - 1):
+        first, end = condensed.partition_start[s : s + 2].tolist()
         point = first + promising[first:end].nonzero()[:, 0]
         point = point[torch.argsort(gain[point], descending=True, stable=True)[: config.pool]]
-        T = se3.pose(*model.lattice.centres(condensed.cell[point]))
+        T = se3.pose(*model.grid.centres(condensed.cell[point]))
         kept = suppress(T, torch.zeros_like(point), gain[point], config.point_distance, config.point_deg)
         chosen.append(T[kept[: config.points]])
         counts.append(len(chosen[-1]))

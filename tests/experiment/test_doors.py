@@ -27,7 +27,7 @@ from spgf_torch.formats.isaac import read_isaac
 from spgf_torch.objects.library import load_objects
 from spgf_torch.predict import run as predict
 from spgf_torch.reporting.config import ReportConfig
-from spgf_torch.reporting.data.predictions import read_predictions
+from spgf_torch.reporting.data.predictions import predictions_of
 from spgf_torch.reporting.data.runs import load_runs
 from spgf_torch.reporting.data.sweep import find_sweep
 from spgf_torch.reporting.pages.context import choose
@@ -155,7 +155,7 @@ def test_a_judge_joins_the_rankings(
     context = choose(typed(ReportConfig, composed("report")), sweep, told.append)
     groups = table1(sweep.rows, sweep.classwise(), context.rankings, context.row)
     assert "ranking: judge" in [group.heading for group in groups]
-    assert len(read_predictions(context.shown, "judge")) == len(NAMES) and not told
+    assert len(predictions_of(context.shown, "judge")) == len(NAMES) and not told
     assert "knows more than the votes" in table_part(context, groups).section.body
 
 

@@ -24,7 +24,7 @@ from spgf_torch.experiment.held_out import load_fold_models  # noqa: E402
 from spgf_torch.experiment.labelled_grasps import _made_with  # noqa: E402
 from spgf_torch.files.sealing import SUMS, sealed_json, sealed_yaml  # noqa: E402
 from spgf_torch.formats.card import CARD, check_card, checksums  # noqa: E402
-from spgf_torch.reporting.data.predictions import read_predictions  # noqa: E402
+from spgf_torch.reporting.data.predictions import predictions_of  # noqa: E402
 from spgf_torch.reporting.data.runs import read_per_object, read_run  # noqa: E402
 from spgf_torch.simulation.run_state import Journal  # noqa: E402
 from spgf_torch.simulation.table import read_table, write_table  # noqa: E402
@@ -68,7 +68,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
     return {
         "model.safetensors": Kind(model / "model.safetensors", lambda: load_model(model)),
         "model.json": Kind(model / "model.json", lambda: load_model(model)),
-        "predictions.parquet": Kind(run / "predictions.parquet", lambda: read_predictions(read_run(run), "log_odds")),
+        "predictions.parquet": Kind(run / "predictions.parquet", lambda: predictions_of(read_run(run), "log_odds")),
         "results.json": Kind(run / "results.json", lambda: read_run(run)),
         "config.yaml of a run": Kind(run / "config.yaml", lambda: read_run(run)),
         "per_object.csv": Kind(run / "per_object.csv", lambda: read_per_object(read_run(run))),

@@ -56,17 +56,17 @@ def test_one_feature_and_one_particle_by_hand() -> None:
 
 
 def test_shortlist_equals_the_loop(generator: torch.Generator) -> None:
-    """Of each slice: points better than the base rate, by gain; each stays unless a better one that stays is near."""
+    """Of each partition: points better than the base rate, by gain; each stays unless a better one is near."""
     model = learned(generator)
     config = settings(type(CONFIG), point_support=2, points=4, pool=50)
     condensed, found = model.condensed, shortlist(model, point_gains(model.condensed, AFFORDANCE), config)
-    position, quaternion = model.lattice.centres(condensed.cell)
+    position, quaternion = model.grid.centres(condensed.cell)
     T = se3.pose(position, quaternion)
     some = 0
     for s in range(6):
         base = float(condensed.base_rate[s % 2])
         gains = {}
-        for i in range(int(condensed.slice_start[s]), int(condensed.slice_start[s + 1])):
+        for i in range(int(condensed.partition_start[s]), int(condensed.partition_start[s + 1])):
             p, n = float(condensed.probability[i]), float(condensed.support[i])
             shrunk = min(max((p * n + base * AFFORDANCE.shrinkage) / (n + AFFORDANCE.shrinkage), 1e-4), 1 - 1e-4)
             gain = math.log(shrunk / (1 - shrunk)) - math.log(base / (1 - base))

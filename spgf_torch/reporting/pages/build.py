@@ -10,6 +10,7 @@ from typing import TypeVar
 from spgf_torch.affordance.model import load_model
 from spgf_torch.drawing.page import Section, page
 from spgf_torch.errors import InputError
+from spgf_torch.evaluation.predictions import Predictions
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
@@ -17,7 +18,7 @@ from spgf_torch.objects.library import load_objects
 from spgf_torch.paths import find
 from spgf_torch.progress import Stages
 from spgf_torch.reporting.config import ReportConfig
-from spgf_torch.reporting.data.predictions import Candidates, read_predictions
+from spgf_torch.reporting.data.predictions import predictions_of
 from spgf_torch.reporting.data.runs import Notes, Run
 from spgf_torch.reporting.data.sweep import find_sweep
 from spgf_torch.reporting.pages.context import Context, Part, choose, tell_replaced
@@ -74,7 +75,7 @@ def _rates(context: Context, groups: list[Group], stages: Stages) -> list[Part]:
 def _grasps_and_model(context: Context, stages: Stages) -> list[Part]:
     """The parts of the shown run; in place of those whose files cannot be used stands a sentence."""
     library = _usable(context, lambda: _library(context)) or {}
-    objects = _usable(context, lambda: read_predictions(context.shown, context.ranking))
+    objects = _usable(context, lambda: predictions_of(context.shown, context.ranking))
     prototypes = _usable(context, lambda: _prototypes(context))
     steps = [*_model_steps(context, prototypes, library), *_grasp_steps(context, objects, library)]
     with stages.stage("figures", len(steps), "figures") as advance:
@@ -94,7 +95,7 @@ def _model_steps(
 
 
 def _grasp_steps(
-    context: Context, objects: list[Candidates] | None, library: dict[str, GraspObject]
+    context: Context, objects: list[Predictions] | None, library: dict[str, GraspObject]
 ) -> list[Callable[[], Part]]:
     if objects is None:
         return [lambda: _missing("precision", "Single grasps", context, "no predictions that can be read")]

@@ -6,9 +6,9 @@ import pytest
 import torch
 
 from spgf_torch.geometry import se3
-from spgf_torch.geometry.lattice import Lattice, gaussian_kernel
+from spgf_torch.geometry.se3_grid import SE3Grid, gaussian_kernel
 
-LATTICE = Lattice(reach=0.05, voxel=0.01, rotation_deg=30.0)
+GRID = SE3Grid(reach=0.05, voxel=0.01, rotation_deg=30.0)
 
 
 @pytest.fixture
@@ -21,55 +21,55 @@ def random_quaternions(n: int, generator: torch.Generator) -> torch.Tensor:
 
 
 def test_centres_lie_in_their_own_cells() -> None:
-    rotation = torch.arange(LATTICE.rotations)
-    assert torch.equal(LATTICE.rotation_index(LATTICE.rotation_centres()), rotation)
-    inner = ((LATTICE.voxel_centres().abs() / LATTICE.voxel) < LATTICE.side / 2 - 1).all(1)
-    assert torch.equal(LATTICE.voxel_index(LATTICE.voxel_centres())[inner], torch.arange(LATTICE.voxels)[inner])
+    rotation = torch.arange(GRID.rotations)
+    assert torch.equal(GRID.rotation_index(GRID.rotation_centres()), rotation)
+    inner = ((GRID.voxel_centres().abs() / GRID.voxel) < GRID.side / 2 - 1).all(1)
+    assert torch.equal(GRID.voxel_index(GRID.voxel_centres())[inner], torch.arange(GRID.voxels)[inner])
 
 
 def test_opposite_quaternions_are_one_rotation(generator: torch.Generator) -> None:
     q = random_quaternions(2000, generator)
-    assert torch.equal(LATTICE.rotation_index(q), LATTICE.rotation_index(-q))
+    assert torch.equal(GRID.rotation_index(q), GRID.rotation_index(-q))
 
 
 def test_rotation_cells_are_no_wider_than_said(generator: torch.Generator) -> None:
     """A cell spans at most 30 deg an axis: a member is at most sqrt(3) * 15 deg from the centre."""
     q = random_quaternions(20_000, generator)
-    centre = LATTICE.rotation_centres()[LATTICE.rotation_index(q)]
+    centre = GRID.rotation_centres()[GRID.rotation_index(q)]
     angle = 2 * torch.acos((q * centre).sum(1).abs().clamp(max=1))
     assert math.degrees(angle.max()) <= math.sqrt(3) * 15 + 1e-3
 
 
 def test_positions_within_reach_keep_a_free_border(generator: torch.Generator) -> None:
     direction = torch.nn.functional.normalize(torch.randn(5000, 3, generator=generator), dim=1)
-    position = direction * LATTICE.reach * torch.rand(5000, 1, generator=generator)
-    centre = LATTICE.voxel_centres()[LATTICE.voxel_index(position)]
-    assert (position - centre).abs().max() <= LATTICE.voxel / 2 + 1e-7
-    i = LATTICE.voxel_index(position)
-    for axis in (i // LATTICE.side**2, i // LATTICE.side % LATTICE.side, i % LATTICE.side):
-        assert int(axis.min()) >= 1 and int(axis.max()) <= LATTICE.side - 2
+    position = direction * GRID.reach * torch.rand(5000, 1, generator=generator)
+    centre = GRID.voxel_centres()[GRID.voxel_index(position)]
+    assert (position - centre).abs().max() <= GRID.voxel / 2 + 1e-7
+    i = GRID.voxel_index(position)
+    for axis in (i // GRID.side**2, i // GRID.side % GRID.side, i % GRID.side):
+        assert int(axis.min()) >= 1 and int(axis.max()) <= GRID.side - 2
 
 
 def test_index_and_centres_are_inverse(generator: torch.Generator) -> None:
     direction = torch.nn.functional.normalize(torch.randn(3000, 3, generator=generator), dim=1)
-    cell = LATTICE.index(direction * 0.04, random_quaternions(3000, generator))
-    assert torch.equal(LATTICE.index(*LATTICE.centres(cell)), cell)
+    cell = GRID.index(direction * 0.04, random_quaternions(3000, generator))
+    assert torch.equal(GRID.index(*GRID.centres(cell)), cell)
 
 
 def test_kernel_weights_by_hand() -> None:
     """At one standard deviation a Gaussian weighs exp(-1/2); voxel faces are 10 mm away, corners 17.3 > 2 * 6 mm."""
-    kernel = gaussian_kernel(LATTICE, sigma=0.01, sigma_deg=0.0)
+    kernel = gaussian_kernel(GRID, sigma=0.01, sigma_deg=0.0)
     weights = dict(zip(kernel.offset.tolist(), kernel.weight.tolist(), strict=True))
     assert weights[0] == 1.0
     assert weights[1] == pytest.approx(math.exp(-0.5))
-    assert weights[LATTICE.side + 1] == pytest.approx(math.exp(-1.0))
-    assert len(gaussian_kernel(LATTICE, 0.006, 0.0).weight) == 7  # the centre and six faces
-    assert kernel.turn.tolist() == [[r] for r in range(LATTICE.rotations)] and (kernel.turn_weight == 1).all()
+    assert weights[GRID.side + 1] == pytest.approx(math.exp(-1.0))
+    assert len(gaussian_kernel(GRID, 0.006, 0.0).weight) == 7  # the centre and six faces
+    assert kernel.turn.tolist() == [[r] for r in range(GRID.rotations)] and (kernel.turn_weight == 1).all()
 
 
 def test_rotation_neighbours_are_all_within_two_deviations() -> None:
-    kernel = gaussian_kernel(LATTICE, sigma=0.0, sigma_deg=15.0)
-    centres = LATTICE.rotation_centres().double()
+    kernel = gaussian_kernel(GRID, sigma=0.0, sigma_deg=15.0)
+    centres = GRID.rotation_centres().double()
     angle = torch.rad2deg(2 * torch.acos((centres @ centres.T).abs().clamp(max=1)))
     expected = torch.where(angle <= 30.0 + 1e-4, torch.exp(-0.5 * (angle / 15.0) ** 2), torch.zeros_like(angle))
     found = torch.zeros_like(expected)

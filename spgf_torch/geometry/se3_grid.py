@@ -1,4 +1,4 @@
-"""A lattice over SE(3): cells of translation x rotation with a closed-form index.
+"""A grid over SE(3): cells of translation x rotation with a closed-form index.
 
 Translation: cubic voxels of side `voxel` over the ball of radius `reach`. Rotation: the four charts of the
 projective quaternion sphere, each a cube of n^3 cells in equal-angle coordinates u_i = atan(q_i / q_max),
@@ -19,7 +19,7 @@ _OTHERS = torch.tensor([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
 
 @dataclass(frozen=True)
-class Lattice:
+class SE3Grid:
     """Cells over relative poses T_feature_grasp.
 
     Attributes:
@@ -66,7 +66,7 @@ class Lattice:
 
     @property
     def numbers(self) -> list[float]:
-        """The lattice as operators take it (`spgf_torch.ops`)."""
+        """The grid as operators take it (`spgf_torch.ops`)."""
         return [self.reach, self.voxel, self.rotation_deg]
 
     @property
@@ -115,7 +115,7 @@ class Lattice:
 
 @dataclass(frozen=True)
 class Kernel:
-    """Gaussian weights between cells of a lattice, truncated at two standard deviations in translation and in rotation.
+    """Gaussian weights between cells of a grid, truncated at two standard deviations in translation and in rotation.
 
     The weight of two cells is the product of exp(-d^2 / 2 s^2) in translation and in rotation, d between the
     cells' centres: 1 within a cell, so that a support reads as a number of particles.
@@ -139,17 +139,17 @@ def _edges(n: int) -> Tensor:
 
 
 @lru_cache(maxsize=4)
-def gaussian_kernel(lattice: Lattice, sigma: float, sigma_deg: float) -> Kernel:
+def gaussian_kernel(grid: SE3Grid, sigma: float, sigma_deg: float) -> Kernel:
     """Weights for standard deviations `sigma` (m) and `sigma_deg` (deg); 0 leaves the cell alone. On the CPU.
 
-    Translation neighbours stay within one layer of voxels: the border that the lattice keeps empty.
+    Translation neighbours stay within one layer of voxels: the border that the grid keeps empty.
     """
     step = torch.arange(-1, 2)
     steps = torch.cartesian_prod(step, step, step)
-    weight = _truncated_gaussian(steps.float().norm(dim=-1) * lattice.voxel, sigma)
-    offset = (steps[:, 0] * lattice.side + steps[:, 1]) * lattice.side + steps[:, 2]
+    weight = _truncated_gaussian(steps.float().norm(dim=-1) * grid.voxel, sigma)
+    offset = (steps[:, 0] * grid.side + steps[:, 1]) * grid.side + steps[:, 2]
 
-    centres = lattice.rotation_centres()
+    centres = grid.rotation_centres()
     dots = (centres @ centres.T).abs().clamp_(max=1.0)
     dots = torch.maximum(dots, dots.T)  # rounding may make a product of two differ from that of the other two
     turn_weight = _truncated_gaussian(2 * torch.acos(dots), math.radians(sigma_deg))
