@@ -33,10 +33,15 @@ Curves = Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]  # class -> mea
 
 @dataclass(frozen=True)
 class Precision:
-    """Precision at N of one run: `shown` ranking with its bounds, the paper's ranking and the ceiling beside it."""
+    """Precision at N of one run: the `shown` ranking with its bounds, another and the ceiling beside it.
 
+    Attributes:
+        names: of the two rankings. beside: None where there is no other.
+    """
+
+    names: tuple[str, str]
     shown: Curves
-    paper: Mapping[str, np.ndarray] | None
+    beside: Mapping[str, np.ndarray] | None
     ceiling: Mapping[str, np.ndarray]
 
 
@@ -123,6 +128,7 @@ def _banded(axis: Axes, rows: Sequence[Repeats], ranking: str, name: str, kind: 
 def precision_at_n(curves: Precision, n: int, random: Mapping[str, Mapping[str, float]]) -> Figure:
     """Share of successes among the N highest-ranked grasps over N; a thin line marks the N of the table."""
     most = next(iter(curves.shown.values()))[0].shape[-1]
+    shown, beside = (HEADINGS.get(name, name) for name in curves.names)
     N = np.arange(1, most + 1)
 
     def draw(axis: Axes, name: str, kind: str) -> None:
@@ -130,8 +136,8 @@ def precision_at_n(curves: Precision, n: int, random: Mapping[str, Mapping[str, 
         mean, low, high = (100 * values[j] for values in curves.shown[name])
         axis.axvline(n, color="#d0d0d0", linewidth=0.8)
         axis.plot(N, 100 * curves.ceiling[name][j], color=CEILING, linestyle=":", linewidth=1.2)
-        if curves.paper:
-            axis.plot(N, 100 * curves.paper[name][j], color=PAPER, linewidth=1.2)
+        if curves.beside:
+            axis.plot(N, 100 * curves.beside[name][j], color=colour, linestyle=(0, (1, 1)), linewidth=1.4)
         axis.fill_between(N, low, high, color=colour, alpha=0.18, linewidth=0)
         axis.plot(N, mean, color=colour, linewidth=1.8)
         if kind != "CG":
@@ -140,8 +146,8 @@ def precision_at_n(curves: Precision, n: int, random: Mapping[str, Mapping[str, 
         axis.set_xticks([n, most // 2, most] if most > 2 * n else [1, most])
 
     legend = [
-        *_ours("shown ranking, 95 % band"),
-        *([Line2D([], [], color=PAPER, label="the paper's way of ranking")] if curves.paper else []),
+        *_ours(f"{shown}, 95 % band"),
+        *([Line2D([], [], color="#202020", linestyle=(0, (1, 1)), label=beside)] if curves.beside else []),
         Line2D([], [], color=CHANCE, linestyle=(0, (4, 3)), label="random candidate"),
         Line2D([], [], color=CEILING, linestyle=":", label="ceiling"),
     ]

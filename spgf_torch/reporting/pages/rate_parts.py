@@ -84,7 +84,7 @@ def table_part(context: Context, groups: list[Group]) -> Part:
     title = f"Success-rate (%) of the {n} highest-ranked grasps on novel objects. {about}"
     words = caption(
         f"Rates in percent of the {n} highest-ranked grasps, small numbers are intervals. {about} Grey rows are "
-        "the paper's. <i>Random</i> is the share of successes among all candidates, <i>no sensed collision</i> the same"
+        "the paper's. <i>Random</i> is the share of successes among all candidates, <i>collision-free</i> the same"
         " among candidates whose open hand holds no sensed point, and the <i>ceiling</i> what a ranking that "
         "knew the outcomes would reach. Shaded is the K that is the paper's best. Files: <code>table1.md</code>, "
         "<code>table1.csv</code>, <code>table1.tex</code>." + (JUDGE_WORDS if JUDGE in context.rankings else "")

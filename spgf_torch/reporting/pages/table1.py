@@ -90,7 +90,7 @@ def table1(
     chance = (
         Row("random_paper", "random, the paper", None, _fractions(paper.RANDOM)),
         Row("random", "random", None, _without_cg(baseline.random)),
-        Row("random_collision_free", "random, no sensed collision", None, baseline.random_collision_free),
+        Row("random_collision_free", "random, collision-free", None, baseline.random_collision_free),
         Row("ceiling", "ceiling: best by outcome", None, baseline.ceiling),
     )
     return [*groups, Group("each class learned by itself", (printed, *alone)), Group("chance and ceiling", chance)]
