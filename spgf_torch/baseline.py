@@ -9,10 +9,10 @@ from typing import Any
 
 from spgf_torch.affordance.config import NESTED
 from spgf_torch.baselines.config import BaselineConfig, check_network
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.extras import installed, remedy
 from spgf_torch.files.given import check_folder
-from spgf_torch.progress import Stages, console, show
+from spgf_torch.progress import ProgressReporter, console, show
 
 NO_PROTOTYPES = 0  # the K of a network
 
@@ -27,7 +27,7 @@ def run(config: BaselineConfig, folder: Path) -> None:
     from spgf_torch.baselines.data import provenance_of, read_data, usable_device
     from spgf_torch.baselines.work import claimed, hand_over
 
-    device, start, stages = usable_device(config.device), time.perf_counter(), Stages()
+    device, start, stages = usable_device(config.device), time.perf_counter(), ProgressReporter()
     data = read_data(config, device, stages)
     provenance = provenance_of(data, config)
 
@@ -57,4 +57,4 @@ def run(config: BaselineConfig, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    door("baseline", BaselineConfig, run)
+    run_command("baseline", BaselineConfig, run)

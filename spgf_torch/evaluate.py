@@ -8,12 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig
 from spgf_torch.files.given import NONE, check_folder, model_and_judge
 from spgf_torch.paths import find
-from spgf_torch.progress import Stages, show
+from spgf_torch.progress import ProgressReporter, show
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -45,9 +45,9 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.simulation.execute import Trials
 
     check_device(config.device)
-    stages = Stages()
+    stages = ProgressReporter()
     meets = None if config.model == NONE else models(config)
-    found = read_objects(config, Stages(), Cache.open(config.cache, config.cache_gb))
+    found = read_objects(config, ProgressReporter(), Cache.open(config.cache, config.cache_gb))
     for note in found.notes:
         show(note)
     if found.scans:
@@ -167,7 +167,7 @@ def learned_from(objects: Sequence[GraspObject], model: GraspModel) -> int:
 
 
 def sampled(
-    loaded: Sequence[LoadedModel], objects: Sequence[GraspObject], config: EvaluateConfig, stages: Stages
+    loaded: Sequence[LoadedModel], objects: Sequence[GraspObject], config: EvaluateConfig, stages: ProgressReporter
 ) -> tuple[list[Grasps], list[Tensor]]:
     """Candidates sampled on the objects' meshes, and their scores."""
     from spgf_torch.experiment.execution import candidate_grasps
@@ -186,7 +186,7 @@ def proposed(
     loaded: Sequence[LoadedModel],
     objects: Sequence[GraspObject],
     config: EvaluateConfig,
-    stages: Stages,
+    stages: ProgressReporter,
     judge: Judge | None = None,
 ) -> tuple[list[Grasps], list[Tensor]]:
     """Grasps proposed for what is sensed of the objects, no mesh used, and their scores; random candidates beside.
@@ -241,4 +241,4 @@ def outcomes_of(objects: Sequence[GraspObject], executed: Sequence[Executed], se
 
 
 if __name__ == "__main__":
-    door("evaluate", EvaluateConfig, run)
+    run_command("evaluate", EvaluateConfig, run)

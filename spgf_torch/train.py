@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from spgf_torch.affordance.config import JUDGE
-from spgf_torch.cli.door import door, write_settings
+from spgf_torch.cli.command import run_command, write_settings
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.extras import needed
 from spgf_torch.files.given import check_folder
 from spgf_torch.paths import root
-from spgf_torch.progress import Stages, show
+from spgf_torch.progress import ProgressReporter, show
 
 if TYPE_CHECKING:
     from spgf_torch.cache import Cache
@@ -49,7 +49,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.objects.folders import read_objects
 
     check_device(config.device)
-    start, stages = time.perf_counter(), Stages()
+    start, stages = time.perf_counter(), ProgressReporter()
     cache = Cache.open(config.cache, config.cache_gb)
     found = read_objects(config, stages, cache)
     for note in found.notes:
@@ -102,7 +102,9 @@ def _check_judge(config: TrainConfig) -> None:
         check_folder("own_trials", config.own_trials, "the tables of own trials that judge=learn leaves")
 
 
-def _course(objects: Sequence[GraspObject], config: TrainConfig, cache: Cache, stages: Stages) -> Course | None:
+def _course(
+    objects: Sequence[GraspObject], config: TrainConfig, cache: Cache, stages: ProgressReporter
+) -> Course | None:
     """How a judge is learned, if one is asked for; InputError where the settings do not go together."""
     if config.judge == "none":
         return None
@@ -126,7 +128,7 @@ def _tables(
     """
     from spgf_torch.experiment.labelled_grasps import tables_of
     from spgf_torch.hands.hand import load_hand
-    from spgf_torch.simulation.attempts import Trials
+    from spgf_torch.simulation.worker import Trials
 
     try:
         return tables_of(objects, config.trials, Trials(load_hand(config.hand), config.episode), config.sampler), False
@@ -148,7 +150,7 @@ def _votes(
     design: Design,
     tables: Sequence[TrialTable],
     cache: Cache,
-    stages: Stages,
+    stages: ProgressReporter,
 ) -> dict[str, Any]:
     """The paper's experiment on these trials: its results; the model and what was predicted are written."""
     from spgf_torch.affordance.model import save_model
@@ -230,4 +232,4 @@ def _design(objects: Sequence[GraspObject], config: TrainConfig) -> Design:
 
 
 if __name__ == "__main__":
-    door("train", TrainConfig, run)
+    run_command("train", TrainConfig, run)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from doors import ROOT, python
+from commands import ROOT, python
 
 from spgf_torch.affordance.calibration import uncalibrated
 from spgf_torch.affordance.config import AffordanceConfig
@@ -94,7 +94,7 @@ NOT_YET = (
 )
 COUNT = """
 import runpy, sys
-sys.argv = ["door", *sys.argv[2:]]
+sys.argv = ["command", *sys.argv[2:]]
 try:
     runpy.run_module("spgf_torch.{command}", run_name="__main__")
 except SystemExit as left:
@@ -128,7 +128,7 @@ def test_what_is_not_there_is_told_before_anything_heavy_is_loaded(
 ) -> None:
     (tmp_path / "empty").touch()
     (tmp_path / "model.json").write_text("{}")
-    done = python("-c", COUNT.format(command=command, modules=NOT_YET), "door", *overrides, cwd=tmp_path)
+    done = python("-c", COUNT.format(command=command, modules=NOT_YET), "command", *overrides, cwd=tmp_path)
     assert done.stdout == "2\n" and len(done.stderr.splitlines()) == 1, (done.stdout, done.stderr)
     assert overrides[-1].partition("=")[2].strip("[]").split(",")[0].split(".")[0] in done.stderr
 

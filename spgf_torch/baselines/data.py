@@ -13,7 +13,7 @@ from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import check_device
 from spgf_torch.baselines.config import BaselineConfig
 from spgf_torch.baselines.samples import Samples, load_samples, open_export, shards_of
-from spgf_torch.cache import Cache, fingerprint, program
+from spgf_torch.cache import Cache, code_fingerprint, fingerprint
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.experiment.describe import CachedSteps, Describer
 from spgf_torch.experiment.described_object import sample_of_each_type
@@ -22,7 +22,7 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.objects.folders import read_objects
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.settings import plain, settings
 from spgf_torch.simulation.execute import Trials
 from spgf_torch.simulation.table import TrialTable
@@ -67,7 +67,7 @@ def usable_device(name: str) -> str:
     return known
 
 
-def read_data(config: BaselineConfig, device: str, stages: Stages) -> Data:
+def read_data(config: BaselineConfig, device: str, stages: ProgressReporter) -> Data:
     """Everything that the settings name; the samples are on `device`.
 
     Raises InputError in one line for objects, trials or an export that cannot be used, or do not belong together.
@@ -96,7 +96,7 @@ def provenance_of(data: Data, config: BaselineConfig) -> str:
     """Names all that the networks depend on."""
     learned = [plain(part) for part in (config.network, config.augment, config.learning)]
     device = data.samples.cloud.device.type
-    made = program("spgf_torch.baselines.folds")
+    made = code_fingerprint("spgf_torch.baselines.folds")
     return fingerprint(made, data.digest, data.samples.cloud, data.fold, *data.taught, *learned, config.seed, device)
 
 

@@ -25,7 +25,7 @@ from spgf_torch.evaluation.folds import stratified_order
 from spgf_torch.evaluation.predictions import Predictions, pose_columns
 from spgf_torch.evaluation.success import top_n
 from spgf_torch.hands.config import GRASP_TYPES
-from spgf_torch.progress import Stages, console
+from spgf_torch.progress import ProgressReporter, console
 
 MODEL, JUDGED = "model.safetensors", "judged.safetensors"
 
@@ -60,7 +60,9 @@ def inner_split(
     return sorted(order[count:]), sorted(order[:count])
 
 
-def run_folds(data: Data, config: BaselineConfig, work: Path, provenance: str, stages: Stages) -> dict[int, FoldLogits]:
+def run_folds(
+    data: Data, config: BaselineConfig, work: Path, provenance: str, stages: ProgressReporter
+) -> dict[int, FoldLogits]:
     """Fold -> what its network says. What is finished is kept in `work`, and taken from there."""
     tests = np.unique(data.fold).tolist()
     with stages.stage("learning", len(tests) * config.learning.epochs, "epochs") as advance:

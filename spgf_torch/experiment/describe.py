@@ -17,14 +17,14 @@ from torch import Tensor
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.pairs import CellPairs, cell_pairs
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
-from spgf_torch.cache import Cache, fingerprint, program
+from spgf_torch.cache import Cache, code_fingerprint, fingerprint
 from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor, library
 from spgf_torch.features.interface import VectorFeatures
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.texlets import Texlets
@@ -75,7 +75,7 @@ class Describer:
     cache: Cache = field(default_factory=lambda: Cache(None))
 
     def describe(
-        self, objects: Sequence[GraspObject], grasps: Sequence[GraspPoses], stages: Stages
+        self, objects: Sequence[GraspObject], grasps: Sequence[GraspPoses], stages: ProgressReporter
     ) -> list[DescribedObject]:
         """Sense objects, compute features, pair these with grasps, look for collisions; a stage of progress each."""
         all_steps = [CachedSteps(self, *each) for each in zip(objects, grasps, strict=True)]
@@ -213,4 +213,4 @@ class CachedSteps:
 
 def _key(compute: Callable[..., Any], *parts: Any) -> str:
     """The key of what the function `compute` of another room makes of `parts`."""
-    return fingerprint(program(compute.__module__), Path(__file__).read_bytes(), GRASP_TYPES, *parts)
+    return fingerprint(code_fingerprint(compute.__module__), Path(__file__).read_bytes(), GRASP_TYPES, *parts)

@@ -14,7 +14,7 @@ from spgf_torch.experiment.config import EvaluateConfig
 from spgf_torch.experiment.describe import Grasps
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.simulation.candidates import sample_candidates
 from spgf_torch.simulation.config import SamplerConfig
 from spgf_torch.simulation.execute import Trials, execute
@@ -78,7 +78,7 @@ def execute_best(
     score: Sequence[Tensor],
     trials: Trials,
     config: EvaluateConfig,
-    stages: Stages,
+    stages: ProgressReporter,
 ) -> list[Executed]:
     """Execute the N best grasps of each type, and the first `random_trials` candidates of each: a random sample."""
     best = [best_grasps(s, g.grasp_type, config.N) for s, g in zip(score, grasps, strict=True)]

@@ -18,7 +18,7 @@ from spgf_torch.experiment.cross_validation import CrossValidation, calibrate
 from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.experiment.learning import PrototypeFit, learn_model, side_by_side
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.settings import plain
 
 
@@ -114,7 +114,7 @@ class Experiment:
         prototypes = replace(config.prototypes, num_clusters=config.K)
         return Experiment(config, design, objects, examples, teach, PrototypeFit(prototypes, config.seed, cache))
 
-    def run(self, stages: Stages) -> Learned:
+    def run(self, stages: ProgressReporter) -> Learned:
         """Predictions on every object by a model that has not seen it, and the models that the settings ask for."""
         tests: list[int | None] = [*self.design.tests, *([None] if self.config.final_model else [])]
         with stages.stage("prototypes", len(tests), "sets") as advance:

@@ -16,7 +16,7 @@ from spgf_torch.hands.hand import load_hand
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find
 from spgf_torch.simulation.config import SamplerConfig
-from spgf_torch.simulation.execute import Trials, origin
+from spgf_torch.simulation.execute import Trials, provenance_of
 from spgf_torch.simulation.table import TrialTable, read_tables
 
 
@@ -28,7 +28,7 @@ def tables_of(objects: Sequence[GraspObject], place: str, trials: Trials, sample
     """
     folder = find(place)
     candidates, seed = _made_with(folder / "config.yaml")
-    first = origin(objects[0], trials, sampler, candidates, seed)  # all but the object is the same for all
+    first = provenance_of(objects[0], trials, sampler, candidates, seed)  # all but the object is the same for all
     expected = [replace(first, object_name=obj.name, object_digest=obj.digest) for obj in objects]
     return read_tables(folder, expected)
 

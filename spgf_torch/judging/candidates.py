@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from spgf_torch.cache import Cache, fingerprint, program
+from spgf_torch.cache import Cache, code_fingerprint, fingerprint
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.experiment.experiment import Design, teaching
@@ -30,7 +30,7 @@ from spgf_torch.judging.config import JudgeConfig, TreesConfig
 from spgf_torch.judging.learning import judge_of, learn_judge
 from spgf_torch.judging.rows import SAMPLED, Rows
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.config import HypothesesConfig, ProposingConfig
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
@@ -111,7 +111,7 @@ class CandidateRanking:
         objects: Sequence[GraspObject],
         tables: Sequence[TrialTable],
         examples: Sequence[DescribedObject],
-        stages: Stages,
+        stages: ProgressReporter,
     ) -> list[Tensor]:
         """(G,) f32 for each object: `SeenCandidates.scores` of a judge that learned from the training folds alone."""
         given = list(zip(range(len(objects)), objects, tables, examples, strict=True))
@@ -139,6 +139,12 @@ class CandidateRanking:
 
         surface = (obj.name, obj.mesh.vertices, obj.mesh.faces)
         key = fingerprint(
-            program(__name__), surface, plain(sensing), seed, poses, self.search.clearance.volumes, self.search.config
+            code_fingerprint(__name__),
+            surface,
+            plain(sensing),
+            seed,
+            poses,
+            self.search.clearance.volumes,
+            self.search.config,
         )
         return SeenCandidates(index, table, free, self.cache.tensors(KIND, key, make)[KIND])

@@ -29,7 +29,6 @@ from spgf_torch.judging.rows import PICKED, Chosen
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.settings import plain
-from spgf_torch.simulation.attempts import Trials
 from spgf_torch.simulation.execute import versions
 from spgf_torch.simulation.table import (
     COLUMNS,
@@ -46,6 +45,7 @@ from spgf_torch.simulation.table import (
     table_path,
     write_columns,
 )
+from spgf_torch.simulation.worker import Trials
 
 SCHEMA = 1
 KEY = b"spgf_torch.own_trials"  # of the metadata in the Parquet schema

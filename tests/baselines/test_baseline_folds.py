@@ -28,7 +28,7 @@ from spgf_torch.baselines.work import claimed, hand_over
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.described_object import sample_of_each_type
 from spgf_torch.extras import installed
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 
 
 def nothing() -> None:
@@ -44,12 +44,12 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Data:
 def done(data: Data, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Both folds, long enough to learn what the clouds tell."""
     work = tmp_path_factory.mktemp("work")
-    run_folds(data, config(epochs=8, patience=8, grasps_per_epoch=256), work, "origin", Stages())
+    run_folds(data, config(epochs=8, patience=8, grasps_per_epoch=256), work, "origin", ProgressReporter())
     return work
 
 
 def test_it_learns_what_the_clouds_tell(data: Data, done: Path) -> None:
-    logits = run_folds(data, config(epochs=8, patience=8, grasps_per_epoch=256), done, "origin", Stages())
+    logits = run_folds(data, config(epochs=8, patience=8, grasps_per_epoch=256), done, "origin", ProgressReporter())
     novel = predictions_of(data, logits, 5)
     assert [o.name for o in novel] == [o.name for o in data.objects]
     for found, fold in zip(novel, data.fold.tolist(), strict=True):
@@ -174,7 +174,7 @@ def test_fewer_trials_are_those_that_train_takes(data: Data) -> None:
 
 
 def test_rankings_by_hand(data: Data, done: Path) -> None:
-    logits = run_folds(data, config(), done, "origin", Stages())
+    logits = run_folds(data, config(), done, "origin", ProgressReporter())
     calibration, chosen = calibrated(data, logits[0], 5)
     logit, kind = torch.tensor([0.0, 2.0, 1.0]), torch.tensor([0, 0, 1])
     ranked = scores(logit, kind, torch.tensor([False, True, False]), calibration)

@@ -18,7 +18,7 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.geometry import se3
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings
 
@@ -49,7 +49,7 @@ def describer(cache: Cache | None = None, **changes: Any) -> Describer:
 
 
 def described(settings_: Describer) -> list[DescribedObject]:
-    return settings_.describe(OBJECTS, GRASPS, Stages())
+    return settings_.describe(OBJECTS, GRASPS, ProgressReporter())
 
 
 def same(first: list[DescribedObject], second: list[DescribedObject]) -> bool:
@@ -106,7 +106,7 @@ def test_damaged_entries_change_no_bit(tmp_path: Path) -> None:
 def test_objects_are_found_one_by_one(tmp_path: Path) -> None:
     both = described(describer(Cache(tmp_path)))
     files = sorted(tmp_path.iterdir())
-    turned = describer(Cache(tmp_path)).describe(OBJECTS[::-1], GRASPS[::-1], Stages())
+    turned = describer(Cache(tmp_path)).describe(OBJECTS[::-1], GRASPS[::-1], ProgressReporter())
     assert same(turned[::-1], both) and sorted(tmp_path.iterdir()) == files
 
 

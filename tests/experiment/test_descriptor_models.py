@@ -18,7 +18,7 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.geometry import se3
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.propose import Proposer
 from spgf_torch.prototypes.config import PrototypeConfig
@@ -50,7 +50,7 @@ def tried() -> TrialTable:
 def model(tried: TrialTable, tmp_path_factory: pytest.TempPathFactory) -> GraspModel:
     """Of the brick, as it comes back from disk."""
     folder = tmp_path_factory.mktemp("model")
-    described = DESCRIBER.describe([BRICK], [tried], Stages())[0]
+    described = DESCRIBER.describe([BRICK], [tried], ProgressReporter())[0]
     assert described.relations.shape[1] == 4
     learned = learn_model([described.with_success(tried.success)], described.relations[:3], DESCRIBER.affordance)
     made = {"sensing": DESCRIBER.sensing, "features": DESCRIBER.features, "affordance": DESCRIBER.affordance}

@@ -21,7 +21,7 @@ from spgf_torch.judging.candidates import EXCLUDED, CandidateRanking
 from spgf_torch.judging.config import TreesConfig
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.sensing.sense import sense
 from spgf_torch.settings import settings, typed
 from spgf_torch.simulation.execute import Trials
@@ -71,7 +71,7 @@ def scores(given: Given, config: TrainConfig, cache: Cache, design: Design = DES
     """By judges of few trees."""
     ranking = CandidateRanking.of(config, cache)
     small = replace(ranking.config, learning=settings(TreesConfig, trees=5, least=5))
-    return replace(ranking, config=small).scores(design, *given, Stages())
+    return replace(ranking, config=small).scores(design, *given, ProgressReporter())
 
 
 def flipped(given: Given, which: Sequence[torch.Tensor]) -> Given:

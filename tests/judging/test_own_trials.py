@@ -20,7 +20,7 @@ from spgf_torch.judging.rows import PICKED, Chosen
 from spgf_torch.judging.settings import judge_settings
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.settings import plain, typed
-from spgf_torch.simulation import executors as runners
+from spgf_torch.simulation import executors
 from spgf_torch.train import run as train
 
 ROOT = Path(__file__).parents[2]
@@ -151,10 +151,10 @@ def test_what_train_refuses(
 
 
 def test_rounds_run_where_simulate_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runners, "Dask", lambda address, limit: (address, limit))
-    assert runners.runner_of(0, 7.0, "tcp://there:1") == ("tcp://there:1", 7.0)
-    assert isinstance(runners.runner_of(1), runners.Here)
-    local = runners.runner_of(3, 7.0)
-    assert isinstance(local, runners.Local) and (local.workers, local.limit) == (3, 7.0)
+    monkeypatch.setattr(executors, "DaskExecutor", lambda address, limit: (address, limit))
+    assert executors.executor_of(0, 7.0, "tcp://there:1") == ("tcp://there:1", 7.0)
+    assert isinstance(executors.executor_of(1), executors.InlineExecutor)
+    local = executors.executor_of(3, 7.0)
+    assert isinstance(local, executors.ProcessExecutor) and (local.workers, local.limit) == (3, 7.0)
     with pytest.raises(InputError, match="address: expected that of a Dask scheduler with runner=dask"):
-        runners.check_address("dask", None)
+        executors.check_address("dask", None)

@@ -17,8 +17,8 @@ from spgf_torch.features.spgf import Features
 from spgf_torch.geometry import se3
 from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.proposing.clearance import Plane, Surroundings
-from spgf_torch.proposing.propose import Proposals, Proposer, propose
-from spgf_torch.proposing.spreading import same_grasp
+from spgf_torch.proposing.propose import Proposals, Proposer
+from spgf_torch.proposing.sampling import same_grasp
 from spgf_torch.sensing.texlets import Texlets
 
 NOTHING = torch.zeros(0, 3, dtype=torch.float64)
@@ -170,8 +170,8 @@ def test_nothing_to_propose(proposer: Proposer, model: GraspModel, features: Fea
     for found in (
         proposer.propose_from(nobody, NOTHING),
         Proposer.of(blank, CONFIG, VOLUMES).propose_from(features, NOTHING),
-        propose(model, lone, CONFIG, VOLUMES),
-        propose(model, Texlets(lone.positions[:0], lone.normals[:0]), CONFIG, VOLUMES),
+        Proposer.of(model, CONFIG, VOLUMES).propose(lone),
+        Proposer.of(model, CONFIG, VOLUMES).propose(Texlets(lone.positions[:0], lone.normals[:0])),
     ):
         assert len(found) == 0 and found.T_object_tcp.shape == (0, 4, 4) and found.voted_by == ()
         assert found.best(10)["CG"].tolist() == []
@@ -184,7 +184,7 @@ def test_from_texlets(model: GraspModel, generator: torch.Generator) -> None:
     normals = torch.nn.functional.normalize(
         torch.tensor([0.0, 0, 1]) + 0.1 * torch.randn(64, 3, generator=generator), dim=1
     )
-    found = propose(model, Texlets(torch.cat([grid, height], dim=1), normals), CONFIG, VOLUMES)
+    found = Proposer.of(model, CONFIG, VOLUMES).propose(Texlets(torch.cat([grid, height], dim=1), normals))
     assert len(found) > 0 and found.T_object_tcp.dtype == torch.float32
     assert found.support.dtype == found.grasp_type.dtype == torch.int64
     assert ((found.probability >= 0) & (found.probability <= 1)).all()

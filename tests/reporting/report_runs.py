@@ -14,7 +14,7 @@ from spgf_torch.affordance.calibration import TERMS, Calibration
 from spgf_torch.affordance.config import RANKINGS
 from spgf_torch.affordance.model import GraspModel, save_model
 from spgf_torch.affordance.neighbourhood import Condensed
-from spgf_torch.cli.door import slug
+from spgf_torch.cli.command import slug
 from spgf_torch.evaluation.files import FILES, RESULTS, write_per_object, write_results
 from spgf_torch.evaluation.predictions import Predictions, write_predictions
 from spgf_torch.evaluation.results import build_results

@@ -16,7 +16,7 @@ from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
 from spgf_torch.paths import find
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.reporting.config import ReportConfig
 from spgf_torch.reporting.data.predictions import predictions_of
 from spgf_torch.reporting.data.runs import Notes, Run
@@ -33,7 +33,9 @@ T = TypeVar("T")
 TITLE = "Sliced Pineapple Grid Features (SPGF), the experiment of 2016 again"
 
 
-def build(config: ReportConfig, runs: Sequence[Run], folder: Path, stages: Stages, notes: Notes) -> list[Group]:
+def build(
+    config: ReportConfig, runs: Sequence[Run], folder: Path, stages: ProgressReporter, notes: Notes
+) -> list[Group]:
     """Write the report on `runs` (oldest first) into `folder`; returns Table 1.
 
     What cannot be used is noted in a line each and leaves its figures out. Raises InputError where `show` is no K of
@@ -57,7 +59,7 @@ def build(config: ReportConfig, runs: Sequence[Run], folder: Path, stages: Stage
     return groups
 
 
-def _rates(context: Context, groups: list[Group], stages: Stages) -> list[Part]:
+def _rates(context: Context, groups: list[Group], stages: ProgressReporter) -> list[Part]:
     with stages.stage("rates", 5, "parts") as advance:
         return _made(
             [
@@ -72,7 +74,7 @@ def _rates(context: Context, groups: list[Group], stages: Stages) -> list[Part]:
         )
 
 
-def _grasps_and_model(context: Context, stages: Stages) -> list[Part]:
+def _grasps_and_model(context: Context, stages: ProgressReporter) -> list[Part]:
     """The parts of the shown run; in place of those whose files cannot be used stands a sentence."""
     library = _usable(context, lambda: _library(context)) or {}
     objects = _usable(context, lambda: predictions_of(context.shown, context.ranking))

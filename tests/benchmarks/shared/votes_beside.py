@@ -20,7 +20,7 @@ from spgf_torch.features.interface import VectorFeatures
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.proposing.judge_features import in_images
 from spgf_torch.proposing.propose import Proposer, Voters
-from spgf_torch.proposing.spreading import same_grasp
+from spgf_torch.proposing.sampling import same_grasp
 from spgf_torch.settings import plain, settings
 
 

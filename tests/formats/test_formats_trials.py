@@ -34,10 +34,8 @@ from spgf_torch.errors import InputError
 from spgf_torch.formats.acronym import MOTIONS, read_acronym, write_acronym
 from spgf_torch.formats.common import read_joints, read_split, write_common
 from spgf_torch.formats.graspgen import OFFSET, read_graspgen, read_gripper, write_graspgen
-from spgf_torch.formats.graspnet import read_graspnet
-from spgf_torch.formats.graspnet_datasets import write_graspnet_set
-from spgf_torch.formats.isaac import read_isaac
-from spgf_torch.formats.isaac_datasets import write_isaac_set
+from spgf_torch.formats.graspnet import read_graspnet, write_graspnet_trials
+from spgf_torch.formats.isaac import read_isaac, write_isaac_trials
 from spgf_torch.formats.shards import read_shards, write_shards
 from spgf_torch.formats.trial_sets import TrialSet
 
@@ -220,7 +218,7 @@ def test_shards_are_read_back(trials: TrialSet, tmp_path: Path) -> None:
 
 
 def test_isaac(trials: TrialSet, tmp_path: Path) -> None:
-    write_isaac_set(tmp_path / "isaac", trials, nothing)
+    write_isaac_trials(tmp_path / "isaac", trials, nothing)
     path = tmp_path / "isaac/claw_NPG/box_a.yaml"
     known = yaml.safe_load(path.read_text())
     assert known["format"] == "isaac_grasp" and known["format_version"] == 1.0
@@ -248,7 +246,7 @@ def test_graspnet(trials: TrialSet, tmp_path: Path) -> None:
     so 0.2 z more than the base. This base stands 0.02 beside it along tcp's y = (-c, 0, s), hence 0.02 (c, 0, -s) more:
     (-0.0173205 + 0.1 + 0.0173205, 0.2, 0.1367949 + 0.1732051 - 0.01) = (0.1, 0.2, 0.3).
     """
-    write_graspnet_set(tmp_path / "graspnet", trials, nothing)
+    write_graspnet_trials(tmp_path / "graspnet", trials, nothing)
     path = tmp_path / "graspnet/claw_NPG/cup_b.npy"
     rows = np.load(path, allow_pickle=False)
     assert rows.shape == (2, 17) and rows.dtype == np.float64

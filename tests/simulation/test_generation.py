@@ -7,15 +7,15 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
-from campaigns import Calls, manifest, tables
+from generations import Calls, manifest, tables
 from toys import TRIALS, WORDS, Toy, checksum, toss
 
 from spgf_torch.errors import InputError
-from spgf_torch.simulation.attempts import Ended, try_chunk
 from spgf_torch.simulation.execute import sample
-from spgf_torch.simulation.executors import Here, Local, Task
-from spgf_torch.simulation.run_state import Journal
+from spgf_torch.simulation.executors import InlineExecutor, ProcessExecutor, Task
+from spgf_torch.simulation.run_state import RunState
 from spgf_torch.simulation.table import read_table
+from spgf_torch.simulation.worker import ChunkResult, try_chunk
 
 N = 12  # candidates of each type
 
@@ -27,7 +27,7 @@ def toys(*objects: Toy) -> Calls:
 class Shuffled:
     """As a cluster may do it: all at once, in any order."""
 
-    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Ended]]:
+    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, ChunkResult]]:
         drawn = list(tasks)
         random.Random(0).shuffle(drawn)
         for task in drawn:
@@ -40,7 +40,7 @@ class Ending:
     def __init__(self, tasks: int) -> None:
         self.tasks = tasks
 
-    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Ended]]:
+    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, ChunkResult]]:
         for number, task in enumerate(tasks):
             if number == self.tasks:
                 raise KeyboardInterrupt
@@ -50,9 +50,9 @@ class Ending:
 def test_where_order_and_chunks_do_not_matter(tmp_path: Path) -> None:
     """One process and two, in order and shuffled, chunks of 5, 7 and 100: the same files."""
     calls = toys(Toy("a"), Toy("b"))
-    ways = [(Here(), 5), (Local(1), 7), (Local(2), 5), (Shuffled(), 100)]
-    for number, (runner, chunk) in enumerate(ways):
-        calls.make(tmp_path / str(number), runner, chunk)
+    ways = [(InlineExecutor(), 5), (ProcessExecutor(1), 7), (ProcessExecutor(2), 5), (Shuffled(), 100)]
+    for number, (executor, chunk) in enumerate(ways):
+        calls.make(tmp_path / str(number), executor, chunk)
         assert tables(tmp_path / str(number)) == tables(tmp_path / "0")
         left = {path.name for path in (tmp_path / str(number)).iterdir()}
         assert left == {"a.parquet", "b.parquet", "manifest.json"}
@@ -63,7 +63,7 @@ def test_where_order_and_chunks_do_not_matter(tmp_path: Path) -> None:
 def test_a_second_call_goes_on(tmp_path: Path) -> None:
     """Ended after 3 of 6 chunks of 5, 5, 2 candidates a type: 12 trials are kept, the other 36 of both objects run."""
     calls = toys(Toy("a"), Toy("b"))
-    calls.make(tmp_path / "whole", Here())
+    calls.make(tmp_path / "whole", InlineExecutor())
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
         calls.make(out, Ending(3))
@@ -71,9 +71,9 @@ def test_a_second_call_goes_on(tmp_path: Path) -> None:
     assert [path.name for path in sorted((out / "shards/a").iterdir())] == [
         f"{first:08d}-{end:08d}.json" for first, end in ((0, 5), (5, 10), (10, 12))
     ]
-    _, ran = calls.make(out, Here(), chunk=4)
+    _, ran = calls.make(out, InlineExecutor(), chunk=4)
     assert ran == 36 and tables(out) == tables(tmp_path / "whole") and not (out / "shards").exists()
-    _, ran = calls.make(out, Here())
+    _, ran = calls.make(out, InlineExecutor())
     assert ran == 0 and manifest(out)["trials"] == 48
 
 
@@ -82,12 +82,12 @@ def test_what_fails_is_told_and_the_rest_goes_on(tmp_path: Path) -> None:
 
     A crash that does not come again costs nothing but a line.
     """
-    T = sample(Toy("bad"), toys().origin(Toy("bad"))).T_object_tcp(0, 2 * N)
+    T = sample(Toy("bad"), toys().provenance(Toy("bad"))).T_object_tcp(0, 2 * N)
     hazards = {checksum(T[1]): "crash", checksum(T[7]): "hang", checksum(T[13]): "raise"}
     again = {checksum(T[20]): f"crash once {tmp_path / 'crashed'}"}
     objects = [Toy("bad", {**hazards, **again}), Toy("lethal", unmade="crash"), Toy("odd", unmade="raise"), Toy("well")]
     out = tmp_path / "out"
-    journal, _ = toys(*objects).make(out, Local(2, limit=0.3))
+    run_state, _ = toys(*objects).make(out, ProcessExecutor(2, limit=0.3))
     assert set(tables(out)) == {"well.parquet"}
     told = manifest(out)["objects"]
     assert {name: entry["state"] for name, entry in told.items()} == {
@@ -100,17 +100,17 @@ def test_what_fails_is_told_and_the_rest_goes_on(tmp_path: Path) -> None:
     ]
     assert told["lethal"]["reason"] == "cannot be made: its process died (signal SIGKILL)"
     assert told["odd"]["reason"] == "cannot be made: ValueError: no such thing"
-    assert sorted(line.split(":")[0] for line in journal.incidents) == ["bad NPG", "bad NPG", "bad WPG", "lethal NPG"]
+    assert sorted(line.split(":")[0] for line in run_state.incidents) == ["bad NPG", "bad NPG", "bad WPG", "lethal NPG"]
 
-    _, ran = toys(Toy("bad"), Toy("well")).make(out, Here())  # the crashes were the machine's
+    _, ran = toys(Toy("bad"), Toy("well")).make(out, InlineExecutor())  # the crashes were the machine's
     assert ran == 3
-    toys(Toy("bad"), Toy("well")).make(tmp_path / "whole", Here())
+    toys(Toy("bad"), Toy("well")).make(tmp_path / "whole", InlineExecutor())
     assert tables(out) == tables(tmp_path / "whole")
 
 
 def test_a_word_can_stand_for_what_failed(tmp_path: Path) -> None:
-    T = sample(Toy("a"), toys().origin(Toy("a"))).T_object_tcp(0, 2 * N)
-    toys(Toy("a", {checksum(T[3]): "raise"})).make(tmp_path, Here(), failed_as="dropped")
+    T = sample(Toy("a"), toys().provenance(Toy("a"))).T_object_tcp(0, 2 * N)
+    toys(Toy("a", {checksum(T[3]): "raise"})).make(tmp_path, InlineExecutor(), failed_as="dropped")
     assert WORDS[read_table(tmp_path / "a.parquet").outcome[3]] == "dropped"
     assert manifest(tmp_path)["objects"]["a"]["failures"][0]["index"] == 3
 
@@ -126,14 +126,14 @@ def test_damaged_shards_and_those_of_other_settings(tmp_path: Path) -> None:
     shards[0].write_text(json.dumps(content))
     shards[1].write_bytes(b"\x00")
     before = {path: path.read_bytes() for path in (*shards, tmp_path / "manifest.json")}
-    other = Journal(tmp_path, (1, 1), {**calls.made_with, "seed": 1, "versions": {"physics": "1"}})
+    other = RunState(tmp_path, (1, 1), {**calls.made_with, "seed": 1, "versions": {"physics": "1"}})
     with pytest.raises(InputError, match=r"manifest.json: expected trials made with seed 1, got 0"):
-        other.open([calls.origin(Toy("a"), seed=1)]).__enter__()
+        other.open([calls.provenance(Toy("a"), seed=1)]).__enter__()
     with pytest.raises(InputError, match=r"manifest.json: expected trials made with physics 2, got 1; finish with"):
-        calls.make(tmp_path, Here(), versions="2")
+        calls.make(tmp_path, InlineExecutor(), versions="2")
     assert {path: path.read_bytes() for path in before} == before
-    journal, ran = calls.make(tmp_path, Here())
-    assert ran == 2 * N - 17 + 10 and len(journal.incidents) == 2
+    run_state, ran = calls.make(tmp_path, InlineExecutor())
+    assert ran == 2 * N - 17 + 10 and len(run_state.incidents) == 2
 
 
 def test_a_full_disk_leaves_nothing_half_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,28 +146,28 @@ def test_a_full_disk_leaves_nothing_half_written(tmp_path: Path, monkeypatch: py
         if files == 9:
             raise OSError(errno.ENOSPC, "No space left on device")
 
-    calls.make(tmp_path / "whole", Here())
+    calls.make(tmp_path / "whole", InlineExecutor())
     with monkeypatch.context() as patch:
         patch.setattr("os.fsync", fsync)
         with pytest.raises(OSError, match="No space"):
-            calls.make(tmp_path / "out", Here())
+            calls.make(tmp_path / "out", InlineExecutor())
     shards = list((tmp_path / "out/shards/a").iterdir())
     assert shards and all(json.loads(path.read_text())["outcomes"] for path in shards)
     assert not list((tmp_path / "out").rglob("*.part"))
-    calls.make(tmp_path / "out", Here())
+    calls.make(tmp_path / "out", InlineExecutor())
     assert tables(tmp_path / "out") == tables(tmp_path / "whole")
 
 
 def test_two_calls_do_not_share_a_folder(tmp_path: Path) -> None:
     made_with = {**toys().made_with, "versions": {}}
-    with Journal(tmp_path, (1, 2), made_with).open([]):
-        with pytest.raises(InputError, match="no other simulate"), Journal(tmp_path, (1, 1), made_with).open([]):
+    with RunState(tmp_path, (1, 2), made_with).open([]):
+        with pytest.raises(InputError, match="no other simulate"), RunState(tmp_path, (1, 1), made_with).open([]):
             pass
-        with pytest.raises(InputError, match="no other simulate"), Journal(tmp_path, (1, 2), made_with).open([]):
+        with pytest.raises(InputError, match="no other simulate"), RunState(tmp_path, (1, 2), made_with).open([]):
             pass
-        with Journal(tmp_path, (2, 2), made_with).open([]):
+        with RunState(tmp_path, (2, 2), made_with).open([]):
             pass
-    with Journal(tmp_path, (1, 1), made_with).open([]):
+    with RunState(tmp_path, (1, 1), made_with).open([]):
         pass
     assert [path.name for path in tmp_path.iterdir()] == ["manifest.json"]
 
@@ -176,5 +176,5 @@ def test_a_manifest_of_something_else(tmp_path: Path) -> None:
     for content in (b"[1", b"{}", b'{"schema": 1}', b'{"schema": 2, "made_with": {}, "objects": {}}'):
         (tmp_path / "manifest.json").write_bytes(content)
         with pytest.raises(InputError, match=r"manifest.json: expected a manifest of simulate"):
-            toys(Toy("a")).make(tmp_path, Here())
+            toys(Toy("a")).make(tmp_path, InlineExecutor())
         assert [path.name for path in tmp_path.iterdir()] == ["manifest.json"]

@@ -16,5 +16,5 @@ def python(*arguments: str, cwd: Path, **variables: str | None) -> subprocess.Co
 
 
 def call(command: str, *overrides: str, cwd: Path, **variables: str | None) -> subprocess.CompletedProcess:
-    """Run a door in `cwd`."""
+    """Run a command in `cwd`."""
     return python("-m", f"spgf_torch.{command}", *overrides, cwd=cwd, **variables)

@@ -13,7 +13,7 @@ import yaml
 from asymmetric import GRIPPERS, asymmetric
 
 from spgf_torch.errors import InputError
-from spgf_torch.formats.graspnet import joints_path, read_graspnet, read_joints, write_graspnet
+from spgf_torch.formats.graspnet import joints_path, read_graspnet, read_row_joints, write_graspnet
 from spgf_torch.formats.grasps_json import read_grasps, write_grasps
 from spgf_torch.formats.isaac import read_isaac, write_isaac
 
@@ -21,7 +21,7 @@ READERS: dict[str, Callable[[Path], Any]] = {
     "grasps.json": read_grasps,
     "grasps.yaml": read_isaac,
     "grasps.npy": read_graspnet,
-    "grasps.joints.json": read_joints,
+    "grasps.joints.json": read_row_joints,
 }
 
 

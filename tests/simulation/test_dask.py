@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from campaigns import Calls, tables
+from generations import Calls, tables
 from toys import TRIALS, Toy, toss
 
 from spgf_torch.errors import InputError
-from spgf_torch.simulation.executors import Dask, Here
+from spgf_torch.simulation.executors import DaskExecutor, InlineExecutor
 
 pytest.importorskip("distributed")
 
@@ -67,13 +67,13 @@ def test_a_worker_killed_on_the_way(cluster: Cluster, tmp_path: Path) -> None:
             workers[0].send_signal(signal.SIGKILL)
             workers[0].wait()
 
-    journal, ran = calls.make(tmp_path / "dask", Dask(address), chunk=5, progress=progress)
-    assert ran == 240 and not journal.incidents and workers[0].returncode == -9
-    calls.make(tmp_path / "here", Here())
+    run_state, ran = calls.make(tmp_path / "dask", DaskExecutor(address), chunk=5, progress=progress)
+    assert ran == 240 and not run_state.incidents and workers[0].returncode == -9
+    calls.make(tmp_path / "here", InlineExecutor())
     assert tables(tmp_path / "dask") == tables(tmp_path / "here")
 
 
 def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("spgf_torch.simulation.executors.PATIENCE", 0.2)
     with pytest.raises(InputError, match=r"address: expected a Dask scheduler that answers, got tcp://127\.0\.0\.1:9"):
-        Dask("tcp://127.0.0.1:9")
+        DaskExecutor("tcp://127.0.0.1:9")

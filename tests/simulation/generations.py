@@ -1,4 +1,4 @@
-"""Calls of a campaign, as `simulate` makes them, for tests."""
+"""Calls of a generation, as `simulate` makes them, for tests."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from spgf_torch.settings import plain, settings
-from spgf_torch.simulation.attempts import Attempt, physics
 from spgf_torch.simulation.config import SamplerConfig
-from spgf_torch.simulation.executors import Runner
-from spgf_torch.simulation.generation import Campaign, Plan, finished
-from spgf_torch.simulation.run_state import Journal
-from spgf_torch.simulation.table import Origin
+from spgf_torch.simulation.executors import Executor
+from spgf_torch.simulation.generation import Generation, Plan, finished
+from spgf_torch.simulation.run_state import RunState
+from spgf_torch.simulation.table import Provenance
+from spgf_torch.simulation.worker import TrialFunction, physics
 
 
 @dataclass
@@ -30,7 +30,7 @@ class Calls:
 
     objects: Sequence[Any]
     trials: Any
-    attempt: Callable[..., Attempt] | None
+    attempt: Callable[..., TrialFunction] | None
     candidates: int
 
     @property
@@ -43,29 +43,29 @@ class Calls:
             "seed": 0,
         }
 
-    def origin(self, obj: Any, **changes: Any) -> Origin:
-        return Origin(obj.name, obj.digest, **{**self.made_with, **changes})
+    def provenance(self, obj: Any, **changes: Any) -> Provenance:
+        return Provenance(obj.name, obj.digest, **{**self.made_with, **changes})
 
     def make(
         self,
         out: Path,
-        runner: Runner,
+        executor: Executor,
         chunk: int = 5,
         failed_as: str | None = None,
         versions: str = "1",
         progress: Callable[[int], None] = lambda done: None,
-    ) -> tuple[Journal, int]:
-        """One call; its journal and how many trials it ran."""
-        origins = [self.origin(obj) for obj in self.objects]
-        journal = Journal(out, (1, 1), {**self.made_with, "versions": {"physics": versions}})
-        there = finished(out, origins)
-        with journal.open(origins):
+    ) -> tuple[RunState, int]:
+        """One call; its run_state and how many trials it ran."""
+        provenances = [self.provenance(obj) for obj in self.objects]
+        run_state = RunState(out, (1, 1), {**self.made_with, "versions": {"physics": versions}})
+        there = finished(out, provenances)
+        with run_state.open(provenances):
             for its in there:
-                journal.done(its)
-            campaign = Campaign(journal, Plan(self.trials, chunk, failed_as, self.attempt or physics), progress)
-            waiting = [pair for pair in zip(self.objects, origins, strict=True) if pair[1] not in there]
-            campaign.run(waiting, runner)
-        return journal, campaign.trials
+                run_state.done(its)
+            generation = Generation(run_state, Plan(self.trials, chunk, failed_as, self.attempt or physics), progress)
+            waiting = [pair for pair in zip(self.objects, provenances, strict=True) if pair[1] not in there]
+            generation.run(waiting, executor)
+        return run_state, generation.trials
 
 
 def tables(out: Path) -> dict[str, bytes]:

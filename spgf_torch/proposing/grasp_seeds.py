@@ -1,6 +1,6 @@
-"""The promising points of a learned shape-grasp space: few of each prototype and grasp type, far from each other.
+"""Seed grasps of a learned shape-grasp space: its best points of each prototype and grasp type, far from each other.
 
-Made once a model; at every feature of a prototype each of its points is a hypothesis of a grasp.
+They depend on the model alone. Each seed of a prototype, placed at each feature of that prototype, is a hypothesis.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from spgf_torch.affordance.model import GraspModel
 from spgf_torch.geometry import se3
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.proposing.config import ProposingConfig
-from spgf_torch.proposing.spreading import suppress
+from spgf_torch.proposing.sampling import non_maximum_suppression
 
 
 @dataclass(frozen=True)
-class Shortlist:
+class GraspSeeds:
     """Promising points, ordered by partition (prototype * number of types + type), then from the best down.
 
     Attributes:
@@ -30,9 +30,9 @@ class Shortlist:
     T_feature_grasp: Tensor
 
     def hypotheses(self, T_object_feature: Tensor, prototype: Tensor) -> tuple[Tensor, Tensor]:
-        """Grasps that features (F, 4, 4) of prototypes (F,) int64 hope for: T_object_grasp (H, 4, 4), type (H,) int64.
+        """Place the seeds at features (F, 4, 4) of prototypes (F,) int64: T_object_grasp (H, 4, 4), type (H,) int64.
 
-        Ordered by feature, then type, then as the points are.
+        Ordered by feature, then type, then seed.
         """
         types = torch.arange(len(GRASP_TYPES), device=prototype.device)
         partitions = (prototype.unsqueeze(1) * len(GRASP_TYPES) + types).flatten()
@@ -44,8 +44,8 @@ class Shortlist:
         return T_object_feature[which // len(GRASP_TYPES)] @ T_feature_grasp, which % len(GRASP_TYPES)
 
 
-def shortlist(model: GraspModel, gain: Tensor, config: ProposingConfig) -> Shortlist:
-    """The points that promise most: better than their type's base rate, and well supported.
+def grasp_seeds(model: GraspModel, gain: Tensor, config: ProposingConfig) -> GraspSeeds:
+    """Choose points that are better than their type's base rate and well supported.
 
     Of each partition the `pool` points of the highest gain (P,) f32 (`ranking.point_gains`: shrunk by the support) and
     at least `point_support` particles are merged by non-maximum suppression, and the first `points` stay.
@@ -58,7 +58,7 @@ def shortlist(model: GraspModel, gain: Tensor, config: ProposingConfig) -> Short
         point = first + promising[first:end].nonzero()[:, 0]
         point = point[torch.argsort(gain[point], descending=True, stable=True)[: config.pool]]
         T = se3.pose(*model.grid.centres(condensed.cell[point]))
-        kept = suppress(T, torch.zeros_like(point), gain[point], config.point_distance, config.point_deg)
+        kept = non_maximum_suppression(T, torch.zeros_like(point), gain[point], config.point_distance, config.point_deg)
         chosen.append(T[kept[: config.points]])
         counts.append(len(chosen[-1]))
-    return Shortlist(torch.tensor(counts, device=gain.device).cumsum(0), torch.cat(chosen))
+    return GraspSeeds(torch.tensor(counts, device=gain.device).cumsum(0), torch.cat(chosen))

@@ -1,6 +1,6 @@
 """Two objects and eight trials, the first of which is worked out by hand.
 
-The hand and the pose are those of tests/exporting/asymmetric.py (m; c = cos 30 deg = 0.8660254, s = 0.5):
+The hand and the pose are those of tests/asymmetric.py (m; c = cos 30 deg = 0.8660254, s = 0.5):
     T_object_tcp = [0 -c s 0.1; 1 0 0 0.2; 0 s c 0.3]      T_base_tcp = [0 -1 0 0.02; 1 0 0 0; 0 0 1 0.2]
 The exported gripper frame has the axes of tcp and the origin of the base, which stands at
     -R_base_tcp^T (0.02, 0, 0.2) = (0, 0.02, -0.2) in tcp, hence in the object at
@@ -23,7 +23,7 @@ from spgf_torch.hands.records import Gripper
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.settings import settings
-from spgf_torch.simulation.table import OUTCOMES, Origin, TrialTable
+from spgf_torch.simulation.table import OUTCOMES, Provenance, TrialTable
 
 C, S = 0.8660254, 0.5
 T_OBJECT_TCP = np.array([[0, -C, S, 0.1], [1, 0, 0, 0.2], [0, S, C, 0.3], [0, 0, 0, 1]])
@@ -75,7 +75,7 @@ def make_table(obj: GraspObject) -> TrialTable:
     places[0], turns[0] = torch.tensor(T_OBJECT_TCP[:3, 3]), torch.tensor([W, *XYZ])
     places[1], turns[1] = torch.zeros(3), torch.tensor([1.0, 0.0, 0.0, 0.0])
     return TrialTable(
-        origin=Origin(obj.name, obj.digest, "hand", {"jitter": 0.0}, {"friction": 0.6}, 2, 0),
+        provenance=Provenance(obj.name, obj.digest, "hand", {"jitter": 0.0}, {"friction": 0.6}, 2, 0),
         position=places.float(),
         quaternion=turns.float(),
         grasp_type=torch.arange(2).repeat_interleave(2),

@@ -11,7 +11,7 @@ from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.paths import root
 from spgf_torch.settings import settings
 from spgf_torch.simulation.config import SamplerConfig
-from spgf_torch.simulation.execute import CHUNK, execute, origin, simulate
+from spgf_torch.simulation.execute import CHUNK, execute, provenance_of, simulate
 from spgf_torch.simulation.table import OUTCOMES, read_table, table_path, write_table
 
 COMMITTED = root() / "data" / "trials"
@@ -24,7 +24,7 @@ def test_workers_and_order_do_not_matter(trials, tmp_path: Path):
     assert told == [("can", 12)] * 2 + [("box", 12)] * 2
     for obj, table in zip(reversed(objects), reversed(together), strict=True):
         (alone,) = simulate([obj], trials, sampler, 12, 0, workers=1)
-        assert table.origin == alone.origin == origin(obj, trials, sampler, 12, 0)
+        assert table.provenance == alone.provenance == provenance_of(obj, trials, sampler, 12, 0)
         assert torch.equal(table.position, alone.position) and torch.equal(table.outcome, alone.outcome)
         assert {0, 1} <= set(table.outcome.tolist())
         write_table(tmp_path / "a", table)
@@ -54,7 +54,7 @@ def test_committed_trials_can_be_had_again(trials):
     requests, expected = [], []
     for obj in lot.sample(load_objects(root() / "data" / "objects"), 6):
         table = read_table(table_path(COMMITTED, obj.name))
-        assert table.origin.object_digest == obj.digest and table.origin.hand_digest == trials.hand.digest
+        assert table.provenance.object_digest == obj.digest and table.provenance.hand_digest == trials.hand.digest
         free = (table.outcome != OUTCOMES.index("collision")).nonzero()[:, 0].tolist()
         for row in lot.sample(free, 4) + lot.sample(range(len(table)), 2):
             requests.append((obj, GRASP_TYPES[table.grasp_type[row]], table.T_object_tcp[row : row + 1]))

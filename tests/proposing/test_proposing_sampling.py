@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from spgf_torch.geometry import se3
-from spgf_torch.proposing.spreading import spread_order, suppress
+from spgf_torch.proposing.sampling import farthest_point_sampling, non_maximum_suppression
 
 HALF_TURN = torch.diag(torch.tensor([-1.0, -1, 1, 1], dtype=torch.float64))
 
@@ -25,7 +25,9 @@ def crowd(n: int, generator: torch.Generator) -> torch.Tensor:
     return torch.where((torch.rand(n, generator=generator) < 0.5)[:, None, None], T @ HALF_TURN, T)
 
 
-def loop_suppress(T: torch.Tensor, group: torch.Tensor, score: torch.Tensor, distance: float, deg: float) -> list[int]:
+def loop_suppression(
+    T: torch.Tensor, group: torch.Tensor, score: torch.Tensor, distance: float, deg: float
+) -> list[int]:
     """The definition: from the highest score down, a pose stays unless one that stays is near."""
 
     def near(a: int, b: int) -> bool:
@@ -44,19 +46,19 @@ def loop_suppress(T: torch.Tensor, group: torch.Tensor, score: torch.Tensor, dis
 def test_suppression_equals_the_loop(generator: torch.Generator) -> None:
     T, score = crowd(150, generator), torch.rand(150, generator=generator).mul(20).round()  # with ties
     group = torch.randint(2, (150,), generator=generator)
-    expected = loop_suppress(T, group, score, 0.01, 25.0)
+    expected = loop_suppression(T, group, score, 0.01, 25.0)
     assert 20 < len(expected) < 120
-    assert suppress(T, group, score, 0.01, 25.0).tolist() == expected
+    assert non_maximum_suppression(T, group, score, 0.01, 25.0).tolist() == expected
 
 
 def test_suppression_in_any_frame_and_order(generator: torch.Generator) -> None:
     T, score = crowd(100, generator), torch.rand(100, generator=generator)
     group = torch.randint(2, (100,), generator=generator)
-    kept = suppress(T, group, score, 0.01, 25.0)
+    kept = non_maximum_suppression(T, group, score, 0.01, 25.0)
     moved = se3.random_poses(1, generator).double() @ T
-    assert torch.equal(suppress(moved, group, score, 0.01, 25.0), kept)
+    assert torch.equal(non_maximum_suppression(moved, group, score, 0.01, 25.0), kept)
     order = torch.randperm(100, generator=generator)
-    assert torch.equal(order[suppress(T[order], group[order], score[order], 0.01, 25.0)], kept)
+    assert torch.equal(order[non_maximum_suppression(T[order], group[order], score[order], 0.01, 25.0)], kept)
 
 
 def test_suppression_by_hand() -> None:
@@ -66,29 +68,29 @@ def test_suppression_by_hand() -> None:
     T[2:] = torch.stack([HALF_TURN, quarter])
     T[1:, 0, 3] = 0.004
     score, one_type = torch.tensor([0.5, 0.9, 0.4, 0.1]), torch.zeros(4, dtype=torch.long)
-    assert suppress(T, one_type, score, 0.005, 20.0).tolist() == [1, 3]
-    assert suppress(T, one_type, score, 0.003, 20.0).tolist() == [1, 0, 3]
-    assert suppress(T, torch.tensor([0, 1, 0, 1]), score, 0.005, 20.0).tolist() == [1, 0, 3]
-    assert suppress(T[:0], one_type[:0], score[:0], 0.005, 20.0).tolist() == []
+    assert non_maximum_suppression(T, one_type, score, 0.005, 20.0).tolist() == [1, 3]
+    assert non_maximum_suppression(T, one_type, score, 0.003, 20.0).tolist() == [1, 0, 3]
+    assert non_maximum_suppression(T, torch.tensor([0, 1, 0, 1]), score, 0.005, 20.0).tolist() == [1, 0, 3]
+    assert non_maximum_suppression(T[:0], one_type[:0], score[:0], 0.005, 20.0).tolist() == []
 
 
-def test_spread_order_equals_the_loop(generator: torch.Generator) -> None:
+def test_farthest_point_sampling_equals_the_loop(generator: torch.Generator) -> None:
     T = se3.random_poses(60, generator)
     point = torch.cat([T[:, :3, 3], 0.5 * T[:, :3, 2]], dim=1)
     chosen = [int((point - point.mean(0)).norm(dim=1).argmax())]
     while len(chosen) < 20:
         chosen.append(int(torch.cdist(point, point[chosen]).amin(1).argmax()))
-    assert spread_order(T, 20, 0.5).tolist() == chosen
-    assert sorted(spread_order(T, 100, 0.5).tolist()) == list(range(60))
-    assert spread_order(T[:0], 5, 0.5).tolist() == []
+    assert farthest_point_sampling(T, 20, 0.5).tolist() == chosen
+    assert sorted(farthest_point_sampling(T, 100, 0.5).tolist()) == list(range(60))
+    assert farthest_point_sampling(T[:0], 5, 0.5).tolist() == []
 
 
-def test_spread_order_sees_both_sides_of_a_wall() -> None:
+def test_farthest_point_sampling_sees_both_sides_of_a_wall() -> None:
     """Two pairs of features back to back: with normals in the distance the second is the other side, else not."""
     flip = torch.diag(torch.tensor([1.0, -1, -1, 1]))
     T = torch.eye(4).repeat(4, 1, 1)
     T[1] = T[3] = flip
     T[2:, 0, 3] = 0.05
-    first, second = spread_order(T, 2, 1.0).tolist()
+    first, second = farthest_point_sampling(T, 2, 1.0).tolist()
     assert float(T[first, 2, 2] * T[second, 2, 2]) == -1
-    assert sorted(T[spread_order(T, 2, 0.0), 0, 3].tolist()) == pytest.approx([0, 0.05])
+    assert sorted(T[farthest_point_sampling(T, 2, 0.0), 0, 3].tolist()) == pytest.approx([0, 0.05])

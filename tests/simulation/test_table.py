@@ -8,16 +8,16 @@ import pytest
 import torch
 
 from spgf_torch.errors import InputError
-from spgf_torch.simulation.table import KEY, Origin, TrialTable, read_table, read_tables, table_path, write_table
+from spgf_torch.simulation.table import KEY, Provenance, TrialTable, read_table, read_tables, table_path, write_table
 
-ORIGIN = Origin("mug", "d" * 64, "h" * 64, {"jitter": 0.005}, {"dt": 0.002, "friction": 0.6}, 3, 0)
+PROVENANCE = Provenance("mug", "d" * 64, "h" * 64, {"jitter": 0.005}, {"dt": 0.002, "friction": 0.6}, 3, 0)
 
 
 @pytest.fixture
 def table() -> TrialTable:
     generator = torch.Generator().manual_seed(0)
     return TrialTable(
-        origin=ORIGIN,
+        provenance=PROVENANCE,
         position=torch.randn(6, 3, generator=generator),
         quaternion=torch.nn.functional.normalize(torch.randn(6, 4, generator=generator)),
         grasp_type=torch.tensor([0, 0, 0, 1, 1, 1]),
@@ -30,7 +30,7 @@ def test_round_trip_is_exact(tmp_path, table):
     path = table_path(tmp_path, "mug")
     write_table(path, table)
     got = read_table(path)
-    assert got.origin == table.origin and got.versions == table.versions and got.object_name == "mug"
+    assert got.provenance == table.provenance and got.versions == table.versions and got.object_name == "mug"
     for name in ("position", "quaternion", "grasp_type", "outcome", "T_object_tcp", "success"):
         assert torch.equal(getattr(got, name), getattr(table, name)), name
     assert got.success.tolist() == [True] + [False] * 5
@@ -88,9 +88,9 @@ def test_missing_truncated_and_foreign_files(tmp_path, table):
 )
 def test_tables_of_another_hand_object_or_setting_are_refused(tmp_path, table, change, message):
     write_table(table_path(tmp_path, "mug"), table)
-    assert len(read_tables(tmp_path, [ORIGIN])) == 1
+    assert len(read_tables(tmp_path, [PROVENANCE])) == 1
     with pytest.raises(InputError) as error:
-        read_tables(tmp_path, [replace(ORIGIN, **change)])
+        read_tables(tmp_path, [replace(PROVENANCE, **change)])
     assert str(error.value).endswith("mug.parquet: " + message)
 
 

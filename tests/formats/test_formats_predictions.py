@@ -8,7 +8,7 @@ import pytest
 import yaml
 from asymmetric import BASE_W, BASE_XYZ, EXACT, GRIPPERS, T_BASE_TCP, T_INPUT_BASE, T_INPUT_TCP, WAITING, asymmetric
 
-from spgf_torch.formats.graspnet import joints_path, read_graspnet, read_joints, write_graspnet
+from spgf_torch.formats.graspnet import joints_path, read_graspnet, read_row_joints, write_graspnet
 from spgf_torch.formats.grasps_json import read_grasps, write_grasps
 from spgf_torch.formats.isaac import read_isaac, write_isaac
 
@@ -101,7 +101,7 @@ def test_graspnet(tmp_path: Path) -> None:
     np.testing.assert_allclose(first.T_input_tcp, T_INPUT_TCP, atol=EXACT)
     assert (first.score, first.width, first.height, first.depth, first.object_id) == (0.875, 0.08, 0.02, 0.015, -1)
     assert (second.score, second.width) == (0.25, 0.04)
-    hands = read_joints(joints_path(path))
+    hands = read_row_joints(joints_path(path))
     assert [hand.gripper for hand in hands] == ["claw_WPG", "claw_NPG"]
     assert hands[0].joints == OPEN and hands[0].closed == CLOSED and hands[1].joints["left"] == 0.02
 
@@ -128,4 +128,4 @@ def test_no_grasps_are_a_file_too(tmp_path: Path) -> None:
     write_graspnet(tmp_path / "none.npy", [], GRIPPERS)
     assert read_grasps(tmp_path / "none.json") == []
     assert read_isaac(tmp_path / "none.yaml").grasps == []
-    assert read_graspnet(tmp_path / "none.npy") == [] and read_joints(tmp_path / "none.joints.json") == []
+    assert read_graspnet(tmp_path / "none.npy") == [] and read_row_joints(tmp_path / "none.joints.json") == []

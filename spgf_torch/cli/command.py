@@ -1,4 +1,4 @@
-"""What all doors share: Hydra composition, run folders, progress, and one line with status 2 for bad input."""
+"""What all commands share: Hydra composition, run folders, progress, and one line with status 2 for bad input."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ OUT_OF_MEMORY = ("can't allocate memory", "Cannot allocate memory", "failed to m
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
-def door(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
+def run_command(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
     """Compose `conf/<command>.yaml` with the command line, check it against `kind`, and call `run(config, folder)`.
 
     `folder` is a fresh `outputs/<command>/<date-time>_<what varies>/`; `outputs/<command>/latest` points at it once
     `run` has returned. With -m there is one folder a job, and a summary at the end; what a job is refused does not
-    stop the others. Exit status: 0 done, whether or not somebody reads what is said (`| head`); 1 not done to the end,
+    stop the others. Exit status: 0 done, also where stdout is not read to the end (`| head`); 1 not done to the end,
     or stdout has no room (one line, what is finished is kept); 2 unusable input (one line, no folder left); 128 and
     the signal's number if interrupted: 130, 143 or 129.
     """
@@ -64,7 +64,7 @@ def _enter(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
     except (InputError, HydraException, OmegaConfBaseException, YAMLError) as error:
         fail(command, error)
     except IncompleteError as error:
-        status = _told(f"{command}: {error}", 1)
+        status = _print_status(f"{command}: {error}", 1)
     except (ValueError, RecursionError) as error:  # what Hydra's parser lets through
         if started:
             raise
@@ -72,9 +72,9 @@ def _enter(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
     except (MemoryError, ImportError, RuntimeError, OSError) as error:
         status = _of_the_machine(command, error, bool(started))
     except Ended as error:
-        status = _told(f"{command}: ended by {error}", 128 + error.number)
+        status = _print_status(f"{command}: ended by {error}", 128 + error.number)
     except KeyboardInterrupt:
-        status = _told(f"{command}: interrupted", 130)
+        status = _print_status(f"{command}: interrupted", 130)
     if status:
         sys.exit(status)
 
@@ -82,7 +82,7 @@ def _enter(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
 def _of_the_machine(command: str, error: Exception, started: bool) -> int:
     """The status of what the machine lacks: memory, a folder, room on the disk, Slurm; anything else is raised."""
     if _no_memory(error):
-        return _told(f"{command}: {NO_MEMORY}", 1)
+        return _print_status(f"{command}: {NO_MEMORY}", 1)
     if isinstance(error, RuntimeError) and "srun" in str(error):
         fail(command, error)  # submitit's own words where there is no Slurm
     if not isinstance(error, OSError):
@@ -92,20 +92,20 @@ def _of_the_machine(command: str, error: Exception, started: bool) -> int:
         fail(command, InputError(f"{place}: expected a folder for the run, got {error.strerror}"))
     if error.filename is None and error.errno not in FULL:
         raise error
-    return _told(f"{command}: {error.filename or Path('outputs').absolute()}: {error.strerror}", 1)
+    return _print_status(f"{command}: {error.filename or Path('outputs').absolute()}: {error.strerror}", 1)
 
 
 def _no_memory(error: Exception) -> bool:
     return isinstance(error, MemoryError) or any(words in str(error) for words in OUT_OF_MEMORY)
 
 
-def _told(line: str, status: int) -> int:
+def _print_status(line: str, status: int) -> int:
     print(one_line(line), file=sys.stderr)
     return status
 
 
 def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: list[str]) -> int:
-    """One run, or the jobs of a sweep: the exit status. `started` is told when the first begins."""
+    """One run, or the jobs of a sweep: the exit status. The first that begins adds to `started`."""
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # let errors reach us: Hydra's own report spans many lines
     OmegaConf.register_new_resolver("slug", slug, replace=True)
     if "--version" in sys.argv[1:]:
@@ -123,7 +123,7 @@ def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: 
         try:
             _in_run_folder(composed, kind, run)
         except (InputError, IncompleteError) as error:
-            refused.append(error)  # told later, without Hydra's extra line
+            refused.append(error)  # printed later, without Hydra's extra line
         except (MemoryError, ImportError, RuntimeError, OSError) as error:
             if not _no_memory(error):
                 raise
@@ -196,7 +196,7 @@ def _config(kind: type[T], composed: DictConfig) -> T:
 
 
 def _without_missing_k(composed: DictConfig) -> dict[str, Any]:
-    """The composed values; `K`, where the user named none, is the prototype room's default."""
+    """The composed values; `K`, where the user named none, is the default of `conf/prototypes`."""
     values: dict[str, Any] = OmegaConf.to_container(composed, resolve=True)  # type: ignore[assignment]
     if values.get("K") == "???":
         values["K"] = values["prototypes"]["num_clusters"]
@@ -204,5 +204,5 @@ def _without_missing_k(composed: DictConfig) -> dict[str, Any]:
 
 
 def _own_keys_first(values: dict[str, Any]) -> dict[str, Any]:
-    """The same with the door's own keys before its rooms', which take some of them: an error names what was given."""
+    """Move the command's own keys before its groups', which copy some of them: an error names the given one."""
     return dict(sorted(values.items(), key=lambda entry: isinstance(entry[1], dict)))

@@ -57,7 +57,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def first(table: TrialTable, count: int) -> TrialTable:
     rows = [i for i in range(len(table)) if i % (len(table) // 2) < count]
     parts = {key: getattr(table, key)[rows] for key in ("position", "quaternion", "grasp_type", "outcome")}
-    return replace(table, origin=replace(table.origin, candidates=count), **parts)
+    return replace(table, provenance=replace(table.provenance, candidates=count), **parts)
 
 
 def test_everything_at_once(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

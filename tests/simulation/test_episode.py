@@ -125,8 +125,9 @@ def last_states(hand, order):
 
 def test_trials_repeat_bit_for_bit_in_any_order_and_process(hand, request):
     """The object's last pose and the fingers', not only the outcome."""
+    folders = [str(folder) for folder in request.path.parents[:2]]
     code = (
-        f"import pickle, sys; sys.path.insert(0, {str(request.path.parent)!r}); from test_episode import last_states; "
+        f"import pickle, sys; sys.path[:0] = {folders!r}; from test_episode import last_states; "
         "print(last_states(pickle.load(sys.stdin.buffer), [5, 2, 0, 4, 1, 3]))"
     )
     other = subprocess.run([sys.executable, "-c", code], input=pickle.dumps(hand), capture_output=True, check=True)

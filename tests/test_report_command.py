@@ -7,12 +7,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from doors import call
+from commands import call
 
 sys.path.insert(0, str(Path(__file__).parent / "reporting"))
 from report_runs import defaults, write_run
 
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.reporting.config import ReportConfig
 from spgf_torch.reporting.data.runs import Notes, load_runs
 from spgf_torch.reporting.pages.build import build
@@ -122,7 +122,7 @@ def test_torn_files_leave_their_figures_out(tmp_path: Path) -> None:
         str(run), rates[0], rates, None, objects=1, worst=1, grasps=4, precision=5, bootstrap=100, seed=0
     )
     notes = Notes()
-    build(config, load_runs(config.runs, notes), tmp_path, Stages(), notes)
+    build(config, load_runs(config.runs, notes), tmp_path, ProgressReporter(), notes)
     assert {"index.html", "table1.md"} <= {path.name for path in tmp_path.iterdir()}
     assert not list(tmp_path.glob("fig1*")) and not (tmp_path / "reliability.png").exists()
     assert len(notes.lines) == 2

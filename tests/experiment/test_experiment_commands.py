@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
-from doors import call
+from commands import call
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 

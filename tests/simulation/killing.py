@@ -1,4 +1,4 @@
-"""python tests/trials/killing.py FOLDER KILLS SEED HAND: campaigns killed at random moments, again and again.
+"""python tests/simulation/killing.py FOLDER KILLS SEED HAND: generations killed at random moments, again and again.
 
 One process imports everything and forks the calls, so that a kill costs a fraction of a second. A call is a process
 group of its own together with the processes that try; SIGKILL ends it as a whole, the next one goes on in its folder
@@ -18,17 +18,19 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from campaigns import Calls, manifest, tables
+sys.path.append(str(Path(__file__).parents[1]))
+
+from generations import Calls, manifest, tables
 from toys import TRIALS, Toy, checksum, toss
 from trial_objects import can
 
-import spgf_torch.simulation.run_state as journal_module
+import spgf_torch.simulation.run_state as run_state_module
 from spgf_torch.settings import settings
-from spgf_torch.simulation.attempts import Trials
 from spgf_torch.simulation.config import EpisodeConfig
 from spgf_torch.simulation.execute import sample
-from spgf_torch.simulation.executors import Here, Local
+from spgf_torch.simulation.executors import InlineExecutor, ProcessExecutor
 from spgf_torch.simulation.table import read_table
+from spgf_torch.simulation.worker import Trials
 
 CANDIDATES = 40
 
@@ -74,14 +76,14 @@ def toys_killed(folder: Path, kills: int, rng: random.Random) -> dict[str, int]:
     """How often calls were killed, and what was lost, tried again although it was on disk, or different in the end."""
     names = ("a", "b", "c")
     plain = Calls([Toy(name) for name in names], TRIALS, toss, CANDIDATES)
-    plain.make(folder / "whole", Here())
+    plain.make(folder / "whole", InlineExecutor())
     marks = {}
     for obj in plain.objects:
-        T = sample(obj, plain.origin(obj)).T_object_tcp(0, 2 * CANDIDATES)
+        T = sample(obj, plain.provenance(obj)).T_object_tcp(0, 2 * CANDIDATES)
         marks.update({checksum(T[row]): (obj.name, row) for row in range(len(T))})
     timed = Calls([Toy(name, seconds=0.001) for name in names], TRIALS, toss, CANDIDATES)
     start = time.perf_counter()
-    killed(lambda: timed.make(folder / "timed", Local(1), chunk=7), None)
+    killed(lambda: timed.make(folder / "timed", ProcessExecutor(1), chunk=7), None)
     span = time.perf_counter() - start
     found = {"kills": 0, "lost": 0, "twice": 0, "overstated": 0, "different": 0, "tables": 0, "cut off": 0}
     while found["kills"] < kills:
@@ -90,7 +92,7 @@ def toys_killed(folder: Path, kills: int, rng: random.Random) -> dict[str, int]:
         calls = Calls([Toy(name, log=str(log), seconds=0.001) for name in names], TRIALS, toss, CANDIDATES)
         known: dict[str, list[str | None]] = {name: [None] * (2 * CANDIDATES) for name in names}
         while killed(
-            lambda calls=calls, out=out: calls.make(out, Local(1), chunk=7),
+            lambda calls=calls, out=out: calls.make(out, ProcessExecutor(1), chunk=7),
             (lambda: time.sleep(rng.uniform(0, span))) if found["kills"] < kills else None,
         ):
             found["kills"] += 1
@@ -119,17 +121,17 @@ def physics_killed(folder: Path, hand: Path, rng: random.Random) -> dict[str, in
             time.sleep(0.01)
         time.sleep(rng.uniform(0, 0.3))
 
-    kills = killed(lambda: calls.make(folder / "out", Local(1), chunk=5), wait)
+    kills = killed(lambda: calls.make(folder / "out", ProcessExecutor(1), chunk=5), wait)
     kept = manifest(folder / "out")["trials"]
-    _, ran = calls.make(folder / "out", Here(), chunk=5)
-    calls.make(folder / "whole", Here())
+    _, ran = calls.make(folder / "out", InlineExecutor(), chunk=5)
+    calls.make(folder / "whole", InlineExecutor())
     different = tables(folder / "out") != tables(folder / "whole")
     return {"kills": kills, "kept": kept, "ran": ran, "different": different}
 
 
 def main() -> None:
     folder, kills, seed, hand = sys.argv[1:]
-    journal_module.EVERY = 0.0  # a manifest after every shard: it can be killed there too
+    run_state_module.EVERY = 0.0  # a manifest after every shard: it can be killed there too
     rng = random.Random(int(seed))
     found = {
         "toys": toys_killed(Path(folder) / "toys", int(kills), rng),

@@ -13,14 +13,14 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from spgf_torch import simulate
-from spgf_torch.cli.door import door, slug
+from spgf_torch.cli.command import run_command, slug
 from spgf_torch.cli.multirun import lines
 from spgf_torch.errors import IncompleteError, InputError
 from spgf_torch.reporting.config import ReportConfig
 from spgf_torch.settings import plain, typed
 from spgf_torch.simulation.config import SimulateConfig
-from spgf_torch.simulation.executors import Here
-from spgf_torch.simulation.generation import Campaign
+from spgf_torch.simulation.executors import InlineExecutor
+from spgf_torch.simulation.generation import Generation
 from spgf_torch.simulation.table import read_table
 
 ROOT = Path(__file__).parents[2]
@@ -40,7 +40,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         shutil.copy(ROOT / f"data/objects/{name}.yaml", tmp_path / "objects")
     (tmp_path / "run").mkdir()
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(simulate, "runner_of", lambda config: Here())
+    monkeypatch.setattr(simulate, "executor_of", lambda config: InlineExecutor())
     return tmp_path
 
 
@@ -83,7 +83,7 @@ def test_the_fast_episode(place: Path) -> None:
     whole = ["objects=objects", "candidates=2", "out=table"]
     simulate.run(config(*whole, "episode=fast", "shard=1/2"), Path("run"))
     made = json.loads((place / "table/manifest.1-of-2.json").read_text())["made_with"]["episode"]
-    assert made == read_table(place / "table/egg.parquet").origin.episode == plain(config("episode=fast").episode)
+    assert made == read_table(place / "table/egg.parquet").provenance.episode == plain(config("episode=fast").episode)
     before = {path: path.read_bytes() for path in place.rglob("*") if path.is_file()}
     with pytest.raises(InputError, match=r"egg.parquet: expected trials made with episode.dt 0.002, got 0.005"):
         simulate.run(config(*whole), Path("run"))
@@ -92,15 +92,15 @@ def test_the_fast_episode(place: Path) -> None:
 
 def test_an_object_without_candidates(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is told and in the manifest; the other one has its table."""
-    from spgf_torch.simulation import generation as campaign
+    from spgf_torch.simulation import generation as generation
 
-    def sample(obj: Any, origin: Any) -> Any:
+    def sample(obj: Any, provenance: Any) -> Any:
         if obj.name == "egg":
             raise ValueError("no surface")
-        return original(obj, origin)
+        return original(obj, provenance)
 
-    original = campaign.sample
-    monkeypatch.setattr(campaign, "sample", sample)
+    original = generation.sample
+    monkeypatch.setattr(generation, "sample", sample)
     with pytest.raises(IncompleteError, match=r"1 objects without a table: table/manifest.json says why"):
         simulate.run(config("objects=objects", "candidates=3", "out=table"), Path("run"))
     assert [path.name for path in (place / "table").glob("*.parquet")] == ["soap_bar.parquet"]
@@ -109,10 +109,10 @@ def test_an_object_without_candidates(place: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_a_full_disk_is_one_line(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def run(self: Campaign, *args: Any) -> None:
+    def run(self: Generation, *args: Any) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(Campaign, "run", run)
+    monkeypatch.setattr(Generation, "run", run)
     with pytest.raises(IncompleteError, match=r"^table: expected room to write, got No space left on device; 0 cand"):
         simulate.run(config("objects=objects", "candidates=3", "out=table"), Path("run"))
 
@@ -125,7 +125,7 @@ def test_a_full_disk_is_one_line(place: Path, monkeypatch: pytest.MonkeyPatch) -
         (KeyboardInterrupt(), 130, "report: interrupted\n"),
     ],
 )
-def test_how_a_door_ends(
+def test_how_a_command_ends(
     error: BaseException, status: int, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Any
 ) -> None:
     def run(config: ReportConfig, folder: Path) -> None:
@@ -136,7 +136,7 @@ def test_how_a_door_ends(
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
     monkeypatch.setattr(sys, "argv", ["report"])
     with pytest.raises(SystemExit) as ended:
-        door("report", ReportConfig, run)
+        run_command("report", ReportConfig, run)
     assert ended.value.code == status and capfd.readouterr().err.startswith(told)
     assert (tmp_path / "outputs/report/latest").exists() == isinstance(error, IncompleteError)
 
@@ -156,7 +156,7 @@ def test_simulate_as_slurm_array_jobs() -> None:
 
 
 def test_what_submitit_pickles() -> None:
-    """A door runs as __main__, whose functions travel with all globals that they use."""
+    """A command runs as __main__, whose functions travel with all globals that they use."""
     cloudpickle = pytest.importorskip("cloudpickle")
     cloudpickle.register_pickle_by_value(simulate)
     try:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from doors import call
+from commands import call
 from hydra import compose, initialize_config_dir
 from judges import quick_judge, saved
 from omegaconf import OmegaConf

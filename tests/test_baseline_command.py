@@ -13,7 +13,7 @@ from omegaconf import OmegaConf
 
 from spgf_torch.baseline import run
 from spgf_torch.baselines.config import BaselineConfig
-from spgf_torch.cli.door import slug
+from spgf_torch.cli.command import slug
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.export import run as export
@@ -62,7 +62,7 @@ def baseline(changes: dict[str, Any], folder: str = "run") -> BaselineConfig:
 def first(table: TrialTable, count: int) -> TrialTable:
     rows = [i for i in range(len(table)) if i % (len(table) // 2) < count]
     parts = {key: getattr(table, key)[rows] for key in ("position", "quaternion", "grasp_type", "outcome")}
-    return replace(table, origin=replace(table.origin, candidates=count), **parts)
+    return replace(table, provenance=replace(table.provenance, candidates=count), **parts)
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for name in NAMES:
             shutil.copy(ROOT / f"data/objects/{name}.yaml", "objects")
             write_table(Path(f"trials/{name}.parquet"), first(read_table(ROOT / f"data/trials/{name}.parquet"), 50))
-        settings = json.dumps({"candidates": 50, "seed": read_table(Path("trials/egg.parquet")).origin.seed})
+        settings = json.dumps({"candidates": 50, "seed": read_table(Path("trials/egg.parquet")).provenance.seed})
         Path("trials/config.yaml").write_text(settings)
         small = ["format=webdataset", "out=data", "samples.points=20", "samples.per_shard=120"]
         export(typed(ExportConfig, composed("export", *small)), Path("run"))
