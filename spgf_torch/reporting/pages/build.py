@@ -30,7 +30,7 @@ from spgf_torch.reporting.pages.table1 import Group, table1
 
 T = TypeVar("T")
 
-TITLE = "Sliced Pineapple Grid Features (SPGF), the experiment of 2016 again"
+TITLE = "Sliced Pineapple Grid Features (SPGF), the paper's experiment again"
 
 
 def build(

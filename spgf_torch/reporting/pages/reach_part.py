@@ -32,8 +32,8 @@ def reach_part(context: Context) -> Part | None:
     figure = success_over_reach(curves, rankings)
     words = caption(
         "CG success-rate over the number of prototypes K, for each reach: how far from a grasp a feature may vote for "
-        "it. The paper names no such limit; its features are of 30 mm radius. A wide reach lets votes tell where the "
-        "object as a whole is, even with K = 1, when all shapes are one. Grey: the paper, on its own objects. "
+        "it. The paper names no such limit; its features are of 30 mm radius. With K = 1 all shapes are one: "
+        "what a wide reach gives there comes from poses alone. Grey: the paper, on its own objects. "
         f"<i>K = {NOMINAL_K} minus</i> are differences in points, paired by seed and object. Files: "
         "<code>reach_over_K.png</code>, <code>reach.md</code>."
     )
