@@ -23,7 +23,7 @@ PICTURES = [
     *("fig09_success_over_K", "reach_over_K", "fig10_prototypes", "fig11_objects", "fig12_NPG", "fig13_WPG"),
     *("reliability", "precision_at_n", "worst_objects"),
 ]
-TABLES = ["table1.md", "table1.csv", "table1.tex", "ablations.md", "ablations.csv", "reach.md"]
+TABLES = ["table1.md", "table1_short.md", "table1.csv", "table1.tex", "ablations.md", "ablations.csv", "reach.md"]
 SMALL = ["objects=1", "worst=2", "grasps=6", "precision=20", "bootstrap=200"]
 QUIET = [
     *("--headless", "--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader"),

@@ -16,6 +16,7 @@ from spgf_torch.reporting.pages.table1 import (
     long_csv,
     markdown,
     page_table,
+    short_markdown,
     table1,
     terminal,
 )
@@ -53,6 +54,17 @@ def test_markdown_has_the_papers_columns() -> None:
     assert lines[8] == "| [*] Thomsen et al. (2015) | 68.0 | - | - | - | 84.0 | - | - | 84.0 | - | - | - | - |"
     assert lines[10].startswith("| random, the paper | 10.6 | 11.5 | - |")
     assert all(line.count("|") == 14 for line in lines[2:])
+
+
+def test_the_short_form_has_two_rankings_and_no_row_without_rates() -> None:
+    lines = short_markdown(groups(made(20, "nested", "log_odds"))).splitlines()
+    assert lines[3] == "| K = 20, the paper | 74.0 | 87.9 | 92.5 | 37.0 | 70.4 | 83.8 |"
+    assert lines[4] == "| K = 20, ours, 5 seeds | 78.9 | 78.9 | 78.9 | 12.3 | 45.6 | 78.9 (69-89) |"
+    assert [line.split("**")[1] for line in lines if "**" in line] == [
+        "our ranking, nested",
+        "ranking: log_odds",
+        "chance and ceiling",
+    ]
 
 
 def test_csv_is_long_and_in_fractions() -> None:

@@ -23,7 +23,7 @@ from spgf_torch.reporting.pages.ablations import (
     ranked_otherwise,
 )
 from spgf_torch.reporting.pages.context import Context, Part
-from spgf_torch.reporting.pages.table1 import Group, about_seeds, latex, long_csv, markdown, page_table
+from spgf_torch.reporting.pages.table1 import Group, about_seeds, latex, long_csv, markdown, page_table, short_markdown
 
 FROM_K = 10  # the smallest K of the comparison of CG with single types: below, the paper's K = 5 is too coarse
 PAPERS = "paper"  # the ranking
@@ -96,6 +96,7 @@ def table_part(context: Context, groups: list[Group]) -> Part:
         body += f'<details><summary>Other rankings</summary><div class="wide">{page_table(others)}</div></details>'
     files = {
         "table1.md": markdown(groups, title),
+        "table1_short.md": short_markdown(groups),
         "table1.csv": long_csv(groups),
         "table1.tex": latex(groups, title),
     }

@@ -23,6 +23,7 @@ from spgf_torch.reporting.data.sweep import NOMINAL_K
 
 NAMES = (*CLASSES, "all")
 COLUMNS = tuple((name, kind) for name in NAMES for kind in TYPES)
+SHORT = (*((name, "CG") for name in CLASSES), *(("all", kind) for kind in TYPES))
 HEADINGS = {"paper": "the paper's ranking", NESTED: "our ranking, nested"}
 
 
@@ -183,10 +184,7 @@ def page_table(groups: Sequence[Group]) -> str:
 
 
 def terminal(groups: Sequence[Group]) -> Table:
-    """The short form, 80 columns wide: CG of each class, and each type over all objects.
-
-    Of the first two rankings, and of what else has such rates.
-    """
+    """The short form, 80 columns wide: CG of each class, and each type over all objects."""
     table = Table(
         title="Success-rate (%) on novel objects",
         caption=f"{about_seeds(groups)} {paper.OTHER_DATA} {KNOWS_MORE}",
@@ -195,22 +193,37 @@ def terminal(groups: Sequence[Group]) -> Table:
         padding=(0, 0, 0, 1),
         pad_edge=False,
     )
-    short = [*((name, "CG") for name in CLASSES), *(("all", kind) for kind in TYPES)]
     table.add_column("", no_wrap=True)
-    for name, kind in short:
+    for name, kind in SHORT:
         table.add_column(f"{name}\n{kind}", justify="right", no_wrap=True)
-    rankings = [group for group in groups if any(row.row.startswith("ours") for row in group.rows)]
-    for group in (*rankings[:2], *groups[len(rankings) :]):
-        rows = [row for row in group.rows if any(row.rate(*column) is not None for column in short)]
-        if rows:
-            table.add_row(Text(group.heading, "bold"))
-        for row in rows:
-            rates = (_cell(row, *column) for column in short)
-            cells = [
-                cell if column == short[-1] else cell.split()[0] for cell, column in zip(rates, short, strict=True)
-            ]
-            table.add_row(row.label, *cells, end_section=row is rows[-1])
+    for heading, rows in _short(groups):
+        table.add_row(Text(heading, "bold"))
+        for label, cells in rows:
+            table.add_row(label, *cells, end_section=label is rows[-1][0])
     return table
+
+
+def short_markdown(groups: Sequence[Group]) -> str:
+    """The short form as a Markdown table."""
+    lines = [_line(["", *(f"{name} {kind}" for name, kind in SHORT)]), _line(["---", *["---:"] * len(SHORT)])]
+    for heading, rows in _short(groups):
+        lines.append(_line([f"**{heading}**", *[""] * len(SHORT)]))
+        lines += [_line([label, *cells]) for label, cells in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _short(groups: Sequence[Group]) -> list[tuple[str, list[tuple[str, list[str]]]]]:
+    """Heading -> label -> cells: of the first two rankings, and of the other groups what has rates in `SHORT`."""
+    rankings = [group for group in groups if any(row.row.startswith("ours") for row in group.rows)]
+    found = []
+    for group in (*rankings[:2], *groups[len(rankings) :]):
+        rows = [row for row in group.rows if any(row.rate(*column) is not None for column in SHORT)]
+        told = [
+            (row.label, [_cell(row, *c) if c == SHORT[-1] else _cell(row, *c).split()[0] for c in SHORT])
+            for row in rows
+        ]
+        found += [(group.heading, told)] if told else []
+    return found
 
 
 def _printed(K: int) -> list[Row]:
