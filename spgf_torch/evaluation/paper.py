@@ -11,7 +11,8 @@ _ROWS = {
     25: (79.0, 33.5, 71.5, 12.9, 85.7, 85.7, 6.3, 95.6, 95.6, 37.2, 68.0, 83.2),
 }
 _RANDOM = (10.6, 11.5, None, 4.8, 46.6, None, 4.4, 51.3, None, 7.0, 34.1, None)
-# The row [*]: Thomsen et al. (2015), pairs of patches.
+# The row [*]: Thomsen et al. (2015), pairs of patches, each class learned by itself: section 5.1 calls it "the
+# class-wise approach".
 _CLASSWISE = (68.0, None, None, None, 84.0, None, None, 84.0, None, None, None, None)
 
 _COLUMNS = [
@@ -23,9 +24,6 @@ OTHER_DATA = (
     "The paper's rates are of other objects in another simulator (RobWorkSim; here SAPIEN), and random rates here "
     "were calibrated to the paper's."
 )
-# The paper, section 5.1: "visual and action training is performed on the full object set as compared to the
-# class-wise approach in (Thomsen et al., 2015)".
-CLASSWISE_LABEL = "[*] Thomsen et al. (2015), each class learned by itself"
 
 
 def _table(row: tuple[float | None, ...]) -> dict[str, dict[str, float]]:

@@ -94,7 +94,7 @@ def table1(
         Row("random_collision_free", "random, collision-free", None, baseline.random_collision_free),
         Row("ceiling", "ceiling: best by outcome", None, baseline.ceiling),
     )
-    return [*groups, Group("each class learned by itself", (printed, *alone)), Group("chance and ceiling", chance)]
+    return [*groups, Group("each class by itself", (printed, *alone)), Group("chance and ceiling", chance)]
 
 
 def about_seeds(groups: Sequence[Group]) -> str:
