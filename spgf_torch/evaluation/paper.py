@@ -21,8 +21,8 @@ _COLUMNS = [
 
 # Said wherever the paper's rates and ours meet.
 OTHER_DATA = (
-    "The paper's rates are of other objects in another simulator (RobWorkSim; here SAPIEN), and random rates here "
-    "were calibrated to the paper's."
+    "The paper's rates are of other objects in another simulator (RobWorkSim; here SAPIEN); the random rates of "
+    "data/objects with the SDH-2 were calibrated to the paper's."
 )
 
 

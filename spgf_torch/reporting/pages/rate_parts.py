@@ -51,7 +51,7 @@ def headline(context: Context) -> Part:
         " / ".join(f"{rates['all'][kind]:.1f}" for kind in GRASP_TYPES)
         for rates in (_percent(row.random), paper.RANDOM)
     )
-    cards.append((f"{ours} %", f"a random candidate, NPG / WPG; calibrated to the paper's {theirs}"))
+    cards.append((f"{ours} %", f"a random candidate, NPG / WPG; the paper's: {theirs}"))
     if (worst := _worst_gap(context)) is not None:
         gap, name, K = worst
         cards.append(
