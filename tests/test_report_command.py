@@ -10,7 +10,7 @@ import pytest
 from commands import call
 
 sys.path.insert(0, str(Path(__file__).parent / "reporting"))
-from report_runs import write_run
+from report_runs import defaults, write_run
 
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.reporting.config import ReportConfig
@@ -22,10 +22,10 @@ BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "
 PICTURES = [
     *("fig01_overview", "fig02_angles", "fig03_grid", "fig04_moving_average", "fig05_alignment"),
     *("fig06_transformation", "fig07_setup"),
-    *("fig09_success_over_K", "fig10_prototypes", "fig11_objects", "fig12_NPG", "fig13_WPG"),
+    *("fig09_success_over_K", "reach_over_K", "fig10_prototypes", "fig11_objects", "fig12_NPG", "fig13_WPG"),
     *("reliability", "precision_at_n", "worst_objects"),
 ]
-TABLES = ["table1.md", "table1.csv", "table1.tex", "ablations.md", "ablations.csv"]
+TABLES = ["table1.md", "table1_short.md", "table1.csv", "table1.tex", "ablations.md", "ablations.csv", "reach.md"]
 SMALL = ["objects=1", "worst=2", "grasps=6", "precision=20", "bootstrap=200"]
 QUIET = [
     *("--headless", "--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader"),
@@ -47,11 +47,15 @@ def report(*overrides: str, cwd: Path) -> subprocess.CompletedProcess:
 
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess]:
-    """A report on a sweep of two K with a variant, an interrupted run, one of other data, and a torn model."""
+    """A report on a sweep of two K with two seeds, another reach, a variant, an interrupted run, one of other data."""
     folder = tmp_path_factory.mktemp("report")
     runs = folder / "outputs/train"
     write_run(runs / "2026-01-01_00-00-00.000000_a", K=3, skill=2)
     write_run(runs / "2026-01-01_00-00-01.000000_b", K=5, skill=1, model=False)
+    write_run(runs / "2026-01-01_00-00-01.100000_b", K=3, skill=1, model=False, seed=1)
+    near = {**defaults()["affordance"], "reach": 0.05}
+    for K in (3, 5):
+        write_run(runs / f"2026-01-01_00-00-01.200000_n{K}", K=K, model=False, affordance=near)
     write_run(runs / "2026-01-01_00-00-02.000000_c", K=3, skill=0, model=False, folds=2)
     write_run(runs / "2026-01-01_00-00-00.500000_d", K=10, model=False, dataset="other")
     write_run(runs / "2026-01-01_00-00-03.000000_e", K=3, model=False)
@@ -69,7 +73,8 @@ def test_every_file_is_there_and_nothing_half_written(
     for name in PICTURES:
         assert (folder / f"{name}.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     assert "folds = 2 (3)" in (folder / "ablations.md").read_text()
-    assert "K = 5, paper" in done.stdout and "index.html" in done.stdout
+    assert "K = 3, ours, 2 seeds" in (folder / "table1.md").read_text()
+    assert "K = 5, the paper" in done.stdout and "index.html" in done.stdout
     told = [line for line in done.stderr.splitlines() if line.startswith("report:")]
     assert len(told) == 3 and "interrupted" in told[0] and "other objects" in told[1] and "fold_models=true" in told[2]
     assert "Warning" not in done.stderr, done.stderr

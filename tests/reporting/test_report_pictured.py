@@ -23,7 +23,7 @@ OBJECTS: Any = {name: SimpleNamespace(name=name, category=of, digest=name[::-1])
 
 def context(folder: Path, notes: Notes, fold: int = 1) -> Context:
     config = ReportConfig(str(folder), "nested", ["paper"], None, 4, fold, 1, 1, 4, 5, 100, 0)
-    return choose(config, find_sweep(load_runs(config.runs, notes)), notes)
+    return choose(config, find_sweep(load_runs(config.runs, notes), 100, 0, notes), notes)
 
 
 def test_a_fold_of_the_wanted_k_is_shown_with_what_it_has_not_seen(tmp_path: Path) -> None:

@@ -26,11 +26,12 @@ from spgf_torch.reporting.pages.method_parts import example, overview_part, setu
 from spgf_torch.reporting.pages.model_parts import grasps_part, objects_part, prototypes_part
 from spgf_torch.reporting.pages.pictured import Pictured, pictured
 from spgf_torch.reporting.pages.rate_parts import ablation_part, choice_part, headline, over_k, table_part
+from spgf_torch.reporting.pages.reach_part import reach_part
 from spgf_torch.reporting.pages.table1 import Group, table1
 
 T = TypeVar("T")
 
-TITLE = "Learning successful grasps from local shape: what the runs show"
+TITLE = "Sliced Pineapple Grid Features (SPGF), the paper's experiment again"
 
 
 def build(
@@ -41,9 +42,9 @@ def build(
     What cannot be used is noted in a line each and leaves its figures out. Raises InputError where `show` is no K of
     the runs, or no run has rates.
     """
-    context = choose(config, sweep := find_sweep(runs), notes)
+    context = choose(config, sweep := find_sweep(runs, config.bootstrap, config.seed, notes), notes)
     tell_replaced(runs, sweep, notes)
-    groups = table1(context.sweep.runs, context.rankings, context.shown)
+    groups = table1(sweep.rows, sweep.classwise(), context.rankings, context.row)
     parts = [*_rates(context, groups, stages), *_grasps_and_model(context, stages)]
     if ablated := ablation_part(context):
         parts.append(ablated)
@@ -52,20 +53,22 @@ def build(
             write_bytes(folder / name, content)
     sections = [*(part.section for part in parts), _left_out(notes.lines)]
     lead = (
-        f"<p>Table 1 and Figures 1 to 13 of Thomsen, Kraft, Kr&uuml;ger (2016), made again from {len(runs)} runs.</p>"
+        "<p>Thomsen, Kraft, Kr&uuml;ger (2016), A Semi-local Surface Feature for Learning Successful Grasping "
+        f"Affordances: Table 1 and Figures 1 to 13, made again from {len(runs)} runs.</p>"
     )
     write_bytes(folder / "index.html", page(TITLE, lead, sections).encode())
     return groups
 
 
 def _rates(context: Context, groups: list[Group], stages: ProgressReporter) -> list[Part]:
-    with stages.stage("rates", 4, "parts") as advance:
+    with stages.stage("rates", 5, "parts") as advance:
         return _made(
             [
                 lambda: headline(context),
                 lambda: table_part(context, groups),
                 lambda: choice_part(context),
                 lambda: over_k(context),
+                lambda: reach_part(context),
             ],
             context,
             advance,
@@ -122,7 +125,7 @@ def _grasp_steps(
     ]
 
 
-def _made(steps: Sequence[Callable[[], Part]], context: Context, advance: Callable[[int], None]) -> list[Part]:
+def _made(steps: Sequence[Callable[[], Part | None]], context: Context, advance: Callable[[int], None]) -> list[Part]:
     parts = []
     for step in steps:
         if (part := _usable(context, step)) is not None:

@@ -120,15 +120,16 @@ def some_objects(objects: Sequence[GraspObject], each: int) -> list[GraspObject]
 
 def _model(context: Context) -> tuple[Run, GraspModel, int | None, dict[str, str]]:
     """The run, its model, the fold, and the objects that are novel there: name -> digest."""
-    wanted, fold = context.sweep.of(context.config.pictured) or context.shown, context.config.fold
-    for run in (wanted, context.shown):
+    row, fold = context.sweep.of(context.config.pictured), context.config.fold
+    wanted = list(row.runs) if row else []
+    for run in (*wanted, context.shown):
         if (run.folder / FOLDER / LIST).is_file():
             listed = novel_by_fold(run.folder)
             if fold not in (folds := sorted({of for of, _ in listed.values()})):
                 raise InputError(f"fold: expected one of {', '.join(map(str, folds))}, got {fold}")
             novel = {name: digest for name, (of, digest) in listed.items() if of == fold}
             return run, load_model(run.folder / FOLDER / str(fold)), fold, novel
-    run = wanted if wanted.has_model else context.shown
+    run = next((run for run in wanted if run.has_model), context.shown)
     model = load_model(run.folder)
     context.tell(
         f"Figs. 1 and 10 to 13 show the model of all objects, K = {run.K}: no run of K = {context.config.pictured} "
