@@ -20,7 +20,7 @@ FENCE = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
 
 # What commands leave, not the repository.
 MADE = re.compile(
-    r"(run/|set/|RUN/|FOLDER/)?(table1|ablations|comparison|judge|JUDGE|README)\.md|.*reference/commands/\w+\.md|index\.md"
+    r"(run/|set/|RUN/|FOLDER/)?(table1|table1_short|reach|ablations|comparison|judge|JUDGE|README)\.md|.*reference/commands/\w+\.md|index\.md"
     r"|.*[A-Z]{4}\.(yaml|urdf)"
 )
 # Of others: EGAD's script.

@@ -26,7 +26,7 @@ class TrainingSpace:
         self.grid, self.kernel = grid_of(config), kernel_of(config)
         parts = [shape_grasp_particles(obj.pairs, self.ids(obj), obj.outcomes) for obj in objects]
         self.space = ShapeGraspSpace.of([parts], len(centres), self.grid)
-        self.base_rate = base_rates(torch.stack([outcome_counts(part) for part in parts]).sum(0))
+        self.base_rate = base_rates(torch.stack([outcome_counts(part, len(centres)) for part in parts]).sum(0))
 
     def ids(self, obj: DescribedObject) -> Tensor:
         """(F,) int64 prototypes of an object's features."""
