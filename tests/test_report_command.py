@@ -20,6 +20,8 @@ from spgf_torch.reporting.pages.build import build
 ROOT = Path(__file__).parents[1]
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 PICTURES = [
+    *("fig01_overview", "fig02_angles", "fig03_grid", "fig04_moving_average", "fig05_alignment"),
+    *("fig06_transformation", "fig07_setup"),
     *("fig09_success_over_K", "reach_over_K", "fig10_prototypes", "fig11_objects", "fig12_NPG", "fig13_WPG"),
     *("reliability", "precision_at_n", "worst_objects"),
 ]
@@ -74,7 +76,7 @@ def test_every_file_is_there_and_nothing_half_written(
     assert "K = 3, ours, 2 seeds" in (folder / "table1.md").read_text()
     assert "K = 5, the paper" in done.stdout and "index.html" in done.stdout
     told = [line for line in done.stderr.splitlines() if line.startswith("report:")]
-    assert len(told) == 2 and "interrupted" in told[0] and "other objects" in told[1]
+    assert len(told) == 3 and "interrupted" in told[0] and "other objects" in told[1] and "fold_models=true" in told[2]
     assert "Warning" not in done.stderr, done.stderr
 
 
@@ -85,7 +87,9 @@ def test_the_page_needs_nothing_else(reported: tuple[Path, subprocess.CompletedP
     own = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)  # plotly.js itself has addresses, unused
     assert not re.search(r"""(src|href)=["']?(https?:)?//|url\(["']?(https?:)?//|@import""", own)
     assert own.count('class="view"') == 5 and "wall 1" in own and "interrupted" in own
-    assert {"summary", "table1", "choice", "fig9", "fig10", "worst", "ablations"} <= set(re.findall(r'id="(\w+)"', own))
+    assert {"summary", "table1", "choice", *(f"fig{i}" for i in (1, 2, 7, 8, 9, 10, 13)), "worst", "ablations"} <= set(
+        re.findall(r'id="(\w+)"', own)
+    )
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no chromium, chromium-browser or google-chrome here")
@@ -119,7 +123,18 @@ def test_torn_files_leave_their_figures_out(tmp_path: Path) -> None:
     (run / "predictions.parquet").write_bytes(b"torn")
     rates = ["nested", "paper"]
     config = ReportConfig(
-        str(run), rates[0], rates, None, objects=1, worst=1, grasps=4, precision=5, bootstrap=100, seed=0
+        str(run),
+        rates[0],
+        rates,
+        None,
+        pictured=10,
+        fold=0,
+        objects=1,
+        worst=1,
+        grasps=4,
+        precision=5,
+        bootstrap=100,
+        seed=0,
     )
     notes = Notes()
     build(config, load_runs(config.runs, notes), tmp_path, ProgressReporter(), notes)
