@@ -9,7 +9,7 @@ import torch
 from spgf_torch.affordance import model as affordance
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.neighbourhood import Condensed, Counts, ShapeGraspSpace, analyse, condense
-from spgf_torch.affordance.pairs import CellPairs, cell_pairs, lattice_of
+from spgf_torch.affordance.pairs import CellPairs, cell_pairs, lattice_of, shape_grasp_particles
 from spgf_torch.affordance.particles import Particles, Points, pairs_within
 from spgf_torch.affordance.voting import NO_POINT, VotingIndex, cast_votes, counted_votes
 from spgf_torch.errors import InputError
@@ -336,3 +336,31 @@ def test_a_model_cut_in_half_is_refused(model, tmp_path) -> None:
 def test_a_lattice_too_fine_for_memory_is_refused() -> None:
     with pytest.raises(InputError, match=r"affordance: expected reach, voxel and rotation_deg .* got [\d,]+$"):
         lattice_of(settings(AffordanceConfig, voxel=0.002))
+
+
+def test_as_many_particles_as_are_asked_for_are_enough() -> None:
+    """Three particles in one cell, two of them successes: with a least support of 3 the point stands, with 3.1 not.
+
+    Counts are exact, so the bound itself can be met: condensed, and analysed where the votes fall.
+    """
+    kernel = gaussian_kernel(LATTICE, 0.0, 0.0)
+    cell = LATTICE.index(torch.zeros(3, 3), torch.tensor([[1.0, 0, 0, 0]] * 3)).int()
+    particles = Particles(torch.zeros(3, dtype=torch.int32), cell, torch.tensor([True, False, True]))
+    space, asked = ShapeGraspSpace.of([[particles]], 1, LATTICE), Points(particles.slice[:1], cell[:1])
+    counts = analyse(space, asked, torch.tensor([1]), LATTICE, kernel)
+    for least, support in ((3.0, [3.0]), (3.1, [])):
+        assert condense([particles], 1, LATTICE, kernel, least).support.tolist() == support
+        assert counted_votes(counts, asked, torch.tensor([0]), least).support.tolist() == support
+
+
+def test_points_of_pairs_by_hand() -> None:
+    """Features of prototypes 2 and 0; the first is paired with an NPG and a WPG, the second with the WPG.
+
+    A slice is prototype * 2 + type: 2 NPG = 4, 2 WPG = 5, 0 WPG = 1. The particles have their grasps' outcomes.
+    """
+    feature, grasp, cell = torch.tensor([[0, 0, 1], [0, 1, 1], [7, 8, 9]], dtype=torch.int32)
+    pairs = CellPairs(feature, grasp, cell, grasp_type=torch.tensor([0, 1]))
+    particles = shape_grasp_particles(pairs, torch.tensor([2, 0]), torch.tensor([True, False]))
+    assert particles.slice.tolist() == [4, 5, 1] and particles.cell.tolist() == [7, 8, 9]
+    assert particles.prototype.tolist() == [2, 2, 0] and particles.grasp_type.tolist() == [0, 1, 1]
+    assert particles.success.tolist() == [True, False, False]

@@ -17,7 +17,7 @@ from spgf_torch.features.spgf import Features
 from spgf_torch.geometry import se3
 from spgf_torch.geometry.lattice import Lattice
 from spgf_torch.proposing.clearance import Plane, Surroundings
-from spgf_torch.proposing.propose import Proposals, Proposer, propose
+from spgf_torch.proposing.propose import Proposals, Proposer, Voters, propose
 from spgf_torch.proposing.spreading import same_grasp
 from spgf_torch.sensing.texlets import Texlets
 
@@ -157,6 +157,7 @@ def test_the_hand_touches_neither_points_nor_table(proposer: Proposer, features:
     assert len(found) > 3
     assert clear.free_of_points(points, found.T_object_tcp, found.grasp_type).all()
     assert clear.free_of_plane(table, found.T_object_tcp, found.grasp_type).all()
+    assert clear.closes_on_points(points, found.T_object_tcp, found.grasp_type).all()
     assert not clear.free_of_points(points, anywhere.T_object_tcp, anywhere.grasp_type).all()
     assert not clear.free_of_plane(table, anywhere.T_object_tcp, anywhere.grasp_type).all()
 
@@ -188,3 +189,12 @@ def test_from_texlets(model: GraspModel, generator: torch.Generator) -> None:
     assert len(found) > 0 and found.T_object_tcp.dtype == torch.float32
     assert found.support.dtype == found.grasp_type.dtype == torch.int64
     assert ((found.probability >= 0) & (found.probability <= 1)).all()
+
+
+def test_few_voters_stand_for_all(proposer: Proposer, generator: torch.Generator) -> None:
+    """Eight features at one place, of one kind: two say what all do, the shrinkage being in proportion."""
+    T, ids = patches(1, generator).repeat(8, 1, 1), torch.zeros(8, dtype=torch.int64)
+    poses = T[0] @ se3.random_poses(3000, generator, extent=0.03).double()
+    kind = torch.arange(3000) % 2
+    few, all_ = (proposer.score(poses, kind, Voters(T, ids), n) for n in (2, 8))
+    assert int(all_.isfinite().sum()) > 20 and torch.allclose(few, all_, rtol=1e-4)
