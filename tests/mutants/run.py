@@ -18,34 +18,53 @@ import re
 import resource
 import shutil
 import signal
-import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from multiprocessing import get_context
 from pathlib import Path
 from queue import Queue
 
+import numba
+import pytest
 from sampling import Mutant, draw
 from scipy.stats import binomtest
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "outputs" / "mutants"
 
-# The tests nearest to a room: its own folder, then those of the rooms that stand on it.
+FEATURES = ["ops/test_ops_grid.py", "ops/test_ops_relations.py", "ops/test_ops_alignment.py", "features"]
+CLUSTERS = ["ops/test_ops.py", "prototypes"]
+LEARNER = ["affordance", "experiment/test_leakage.py"]
+
+# The tests nearest to a module: those of the longest beginning of its name, the quick ones first.
 NEAREST = {
-    "features": ["features", "ops"],
-    "ops": ["ops", "features", "prototypes", "affordance"],
-    "prototypes": ["prototypes", "ops/test_ops.py"],
-    "affordance": ["affordance", "experiment/test_leakage.py", "experiment/test_golden.py"],
-    "proposing": ["proposing"],
-    "experiment": ["experiment"],
-    "simulation": ["trials"],
+    "features/": ["features"],
+    "ops/": ["ops", "features", "prototypes", "affordance"],
+    **dict.fromkeys(("ops/kmeans", "ops/lloyd", "ops/partition"), CLUSTERS),
+    **dict.fromkeys(("ops/accumulate", "ops/analyse", "ops/cell_pairs", "ops/look_up", "ops/relative"), LEARNER),
+    **dict.fromkeys(("ops/alignment", "ops/describe", "ops/grid", "ops/relations", "ops/smoothing"), FEATURES),
+    "ops/neighbours": ["ops/test_ops_neighbours.py", "ops/test_ops.py", "features"],
+    "ops/points_in_volume": ["affordance/test_sensed_collision.py", "ops/test_ops.py", "proposing"],
+    "ops/farthest_first": ["proposing/test_proposing_spreading.py", "ops/test_ops.py"],
+    "prototypes/": ["prototypes"],
+    "affordance/": [*LEARNER, "experiment/test_golden.py"],
+    "proposing/": ["proposing"],
+    "experiment/": ["experiment/test_leakage.py", "experiment/test_cross_validation.py", "experiment"],
+    "simulation/": ["trials/test_one_finger.py", "trials/test_seeds.py", "trials/test_table.py", "trials"],
 }
+ROOMS = ("features", "ops", "prototypes", "affordance", "proposing", "experiment", "simulation")
 
 # Seconds of processor time of the tests' process, and of a clock for those that wait for ever.
 PROCESSOR_LIMIT, CLOCK_LIMIT = 120, 900
+
+# Each run of tests is a fork of a process that has imported what takes seconds, and nothing of ours.
+WARM = get_context("forkserver")
+HEAVY = "torch numba trimesh lightning.pytorch scipy.optimize sklearn.cluster pyarrow.parquet pytorch_kinematics fcl"
+WARM.set_forkserver_preload(["__main__", *HEAVY.split()])
 
 # What a copy of the repository does without.
 NOT_COPIED = shutil.ignore_patterns(".git", ".venv*", "outputs", "__pycache__", ".*_cache", ".hypothesis")
@@ -76,68 +95,72 @@ class Copy:
         shutil.rmtree(self.root, ignore_errors=True)
         shutil.copytree(ROOT, self.root, ignore=NOT_COPIED)
         (self.root / "outputs").mkdir()
-        self.checked: set[str] = set()
+        self.checked: list[list[str]] = []
 
-    def check(self, room: str) -> None:
+    def check(self, tests: list[str]) -> None:
         """Compile the kernels, and see that the tests pass: what fails without a mutant tells nothing."""
-        if room not in self.checked:
-            end, test = self._tests(room)
+        if tests not in self.checked:
+            end, test = self._end(tests)
             if end != "survived":
-                raise SystemExit(f"mutants: expected the tests of {room} to pass without a mutant, got {end}: {test}")
+                raise SystemExit(f"mutants: expected {tests} to pass without a mutant, got {end}: {test}")
             shutil.rmtree(self.warm, ignore_errors=True)
             shutil.copytree(self.kernels, self.warm)
-            self.checked.add(room)
+            self.checked.append(tests)
 
     def run(self, mutant: Mutant) -> Outcome:
         """The outcome of a mutant; the copy is as before afterwards."""
-        path, before = self.root / mutant.path, (ROOT / mutant.path).stat()
-        source = mutant.source(ROOT)
-        assert source is not None
+        path = self.root / mutant.path
+        status = path.stat()
         for module in reached(mutant.path):
             for compiled in self.kernels.glob(f"*/{module.stem}.*"):
                 compiled.unlink()
-        path.write_text(source, encoding="utf-8")
+        path.write_text(mutant.after, encoding="utf-8")
         begin = time.monotonic()
         try:
-            end, test = self._tests(mutant.path.parts[1])
+            end, test = self._end(nearest(mutant.path))
         finally:
-            shutil.copyfile(ROOT / mutant.path, path)
-            os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))  # numba looks at the time
+            path.write_text(mutant.before, encoding="utf-8")
+            os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))  # numba looks at the time
             shutil.rmtree(self.kernels)
             shutil.copytree(self.warm, self.kernels)
         return Outcome(mutant, end, test, time.monotonic() - begin)
 
-    def _tests(self, room: str) -> tuple[str, str]:
-        """How the tests of a room end, and which failed first."""
-        chosen = [f"tests/{tests}" for tests in NEAREST[room] if (self.root / "tests" / tests).exists()]
-        command = [sys.executable, "-m", "pytest", "-n", "0", "-x", "-p", "no:cacheprovider", "--tb=no", *chosen]
-        environment = {**os.environ, "PYTHONPATH": str(self.root), "PYTHONDONTWRITEBYTECODE": "1"}
-        environment["NUMBA_CACHE_DIR"] = str(self.kernels)
-        running = subprocess.Popen(
-            command,
-            cwd=self.root,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-            preexec_fn=_limited,
-        )
-        try:
-            said, _ = running.communicate(timeout=CLOCK_LIMIT)
-        except subprocess.TimeoutExpired:
-            os.killpg(running.pid, signal.SIGKILL)
-            running.wait()
+    def _end(self, tests: list[str]) -> tuple[str, str]:
+        """How tests end, and which failed first."""
+        log = self.kernels.with_suffix(".txt")
+        running = WARM.Process(target=test, args=(self.root, self.kernels, tests, log))
+        running.start()
+        running.join(CLOCK_LIMIT)
+        if running.is_alive() or running.exitcode == -signal.SIGXCPU:
+            with suppress(ProcessLookupError):
+                os.killpg(int(running.pid or 0), signal.SIGKILL)
+            running.join()
             return "out of time", ""
-        if running.returncode == -signal.SIGXCPU:
-            return "out of time", ""
+        said = log.read_text(encoding="utf-8", errors="replace")
         failed = re.search(r"^(?:FAILED|ERROR) (\S+)", said, re.MULTILINE)
         last = (said.strip().splitlines() or [""])[-1]
-        return ("killed" if running.returncode else "survived"), (failed[1] if failed else last)
+        return ("killed" if running.exitcode else "survived"), (failed[1] if failed else last)
 
 
-def _limited() -> None:
+def test(root: Path, kernels: Path, tests: list[str], log: Path) -> None:
+    """In a process of its own: run tests of the copy `root` until one fails; what they say goes to `log`."""
+    os.setsid()
     resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_LIMIT, PROCESSOR_LIMIT + 5))
+    os.chdir(root)
+    sys.path.insert(0, str(root))
+    os.environ |= {"PYTHONPATH": str(root), "NUMBA_CACHE_DIR": str(kernels)}
+    numba.config.CACHE_DIR = str(kernels)  # type: ignore[attr-defined]
+    with log.open("w") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
+    known = ["-W", "ignore:Module already imported"]  # by lightning: hydra, which is a plugin of pytest, too
+    sys.exit(pytest.main(["-n", "0", "-x", "-p", "no:cacheprovider", "--tb=no", *known, *tests]))
+
+
+def nearest(path: Path) -> list[str]:
+    """The tests that should see a change of the module `path`."""
+    module = "/".join(path.parts[1:])
+    return [f"tests/{tests}" for tests in NEAREST[max(filter(module.startswith, NEAREST), key=len)]]
 
 
 def reached(path: Path) -> set[Path]:
@@ -165,7 +188,7 @@ def imported() -> dict[Path, set[str]]:
 
 def outcomes(drawn: list[Mutant], jobs: int) -> list[Outcome]:
     """What becomes of each mutant, shown when known; a room stays with one copy, which compiles its kernels once."""
-    rooms = [[mutant for mutant in drawn if mutant.path.parts[1] == room] for room in NEAREST]
+    rooms = [[mutant for mutant in drawn if mutant.path.parts[1] == room] for room in ROOMS]
     copies: Queue[Copy] = Queue()
     for number in range(jobs):
         copies.put(Copy(number))
@@ -174,7 +197,7 @@ def outcomes(drawn: list[Mutant], jobs: int) -> list[Outcome]:
         copy, found = copies.get(), []
         try:
             for mutant in mutants:
-                copy.check(mutant.path.parts[1])
+                copy.check(nearest(mutant.path))
                 found.append(copy.run(mutant))
                 print(found[-1], flush=True)
         finally:
@@ -189,9 +212,7 @@ def summary(found: list[Outcome]) -> str:
     """Killed mutants of each room and of all, with the 95 % interval of the share (Wilson 1927)."""
     killed = [outcome.end != "survived" for outcome in found]
     low, high = binomtest(sum(killed), len(killed)).proportion_ci(0.95, "wilson")
-    rooms = {
-        room: [k for k, o in zip(killed, found, strict=True) if o.mutant.path.parts[1] == room] for room in NEAREST
-    }
+    rooms = {room: [k for k, o in zip(killed, found, strict=True) if o.mutant.path.parts[1] == room] for room in ROOMS}
     by_room = ", ".join(f"{room} {sum(hits)}/{len(hits)}" for room, hits in rooms.items() if hits)
     late = sum(outcome.end == "out of time" for outcome in found)
     share = f"{sum(killed) / len(killed):.0%} (95 % interval {low:.0%} to {high:.0%})"
@@ -202,19 +223,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--rooms", nargs="+", choices=NEAREST, default=list(NEAREST))
+    parser.add_argument("--rooms", nargs="+", choices=ROOMS, default=list(ROOMS))
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--show", action="store_true", help="the mutants drawn, none of them tried")
     asked = parser.parse_args()
     drawn = draw(ROOT, asked.rooms, asked.count, asked.seed)
     if asked.show:
-        print("\n\n".join(mutant.diff(ROOT) for mutant in drawn))
+        print("\n\n".join(mutant.diff() for mutant in drawn))
         return
     OUT.mkdir(parents=True, exist_ok=True)
     found = outcomes(drawn, asked.jobs)
     for outcome in found:
         if outcome.end == "survived":
-            print(f"\n{outcome.mutant.diff(ROOT)}")
+            print(f"\n{outcome.mutant.diff()}")
     print(f"\n{summary(found)}")
 
 
