@@ -62,7 +62,7 @@ def judge(votes: Votes, base_rate: Tensor, grasp_type: Tensor, collides: Tensor,
     unsupported = count == 0
     return Judged(
         count,
-        torch.where(unsupported, base_rate[grasp_type], total / count.clamp(min=1)),
+        torch.where(unsupported, base_rate[grasp_type], total / count),
         shrunk_mean(total, count, config),
         shrunk_mean(gain, count, config),
         grasp_type,
@@ -72,7 +72,7 @@ def judge(votes: Votes, base_rate: Tensor, grasp_type: Tensor, collides: Tensor,
 
 def shrunk_mean(total: Tensor, votes: Tensor, config: AffordanceConfig) -> Tensor:
     """(G,) f32 mean of votes that add up to `total` (G,), drawn towards 0 by `vote_shrinkage` of them."""
-    return (total / (votes + config.vote_shrinkage).clamp(min=1)).masked_fill(votes == 0, UNSUPPORTED)
+    return (total / (votes + config.vote_shrinkage)).masked_fill(votes == 0, UNSUPPORTED)
 
 
 def log_odds_gain(votes: Votes, base_rate: Tensor, grasp_type: Tensor, config: AffordanceConfig) -> Tensor:

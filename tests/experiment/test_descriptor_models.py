@@ -85,3 +85,17 @@ def test_a_model_card_says_the_descriptor() -> None:
     from spgf_torch.features.config import DESCRIPTORS
 
     assert set(card.DESCRIPTORS) == set(DESCRIPTORS)
+
+
+def test_chance_follows_the_seed_the_object_and_the_step(tried: Tried) -> None:
+    """An object's stream is its own, and each step's: the same again, another with any other of them."""
+    named, seeded = replace(BRICK, name="block"), replace(DESCRIBE, seed=1)
+    streams = [
+        Steps(settings_, obj, tried.grasps).generator(step)
+        for settings_, obj, step in (
+            *((DESCRIBE, BRICK, 0), (DESCRIBE, BRICK, 0)),
+            *((seeded, BRICK, 0), (DESCRIBE, named, 0), (DESCRIBE, BRICK, 1)),
+        )
+    ]
+    first, again, *others = (stream.initial_seed() for stream in streams)
+    assert first == again and len({first, *others}) == 4

@@ -136,6 +136,8 @@ class Copy:
                 os.killpg(int(running.pid or 0), signal.SIGKILL)
             running.join()
             return "out of time", ""
+        if running.exitcode and running.exitcode < 0:
+            return "killed", signal.Signals(-running.exitcode).name
         said = log.read_text(encoding="utf-8", errors="replace")
         failed = re.search(r"^(?:FAILED|ERROR) (\S+)", said, re.MULTILINE)
         last = (said.strip().splitlines() or [""])[-1]

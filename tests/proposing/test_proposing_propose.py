@@ -17,7 +17,7 @@ from spgf_torch.features.spgf import Features
 from spgf_torch.geometry import se3
 from spgf_torch.geometry.lattice import Lattice
 from spgf_torch.proposing.clearance import Plane, Surroundings
-from spgf_torch.proposing.propose import Proposals, Proposer, Voters, propose
+from spgf_torch.proposing.propose import Pool, Proposals, Proposer, Voters, propose
 from spgf_torch.proposing.spreading import same_grasp
 from spgf_torch.sensing.texlets import Texlets
 
@@ -198,3 +198,35 @@ def test_few_voters_stand_for_all(proposer: Proposer, generator: torch.Generator
     kind = torch.arange(3000) % 2
     few, all_ = (proposer.score(poses, kind, Voters(T, ids), n) for n in (2, 8))
     assert int(all_.isfinite().sum()) > 20 and torch.allclose(few, all_, rtol=1e-4)
+
+
+UP, IN_A_FINGER = torch.tensor([0.0, 0.0, 1.0]), torch.tensor([0.03, 0.0, -0.015])
+
+
+@pytest.mark.parametrize(
+    ("between", "touched", "around", "moved"),
+    [
+        ([0.0, 0.0, 0.0], False, Surroundings(), True),
+        ([0.0, 0.02, 0.0], False, Surroundings(), False),  # in the middle of where the hand was
+        ([0.0, 0.0, 0.0], True, Surroundings(), False),
+        ([0.0, 0.0, 0.0], False, Surroundings(obstacles=IN_A_FINGER[None]), False),
+        ([0.0, 0.0, 0.0], False, Surroundings(table=Plane(UP, -0.1)), True),
+        ([0.0, 0.0, 0.0], False, Surroundings(table=Plane(UP, 0.0)), False),
+        ([0.0, 0.0, 0.0], False, Surroundings(up=(UP, 0.5)), False),
+    ],
+    ids=["free", "nothing to close on", "a point in a finger", "an obstacle", "high", "a table", "from below"],
+)
+def test_a_move_leaves_the_hand_free(between: list[float], touched: bool, around: Surroundings, moved: bool) -> None:
+    """A hand 20 mm aside of the one pose with a vote, and the move that leads there: in the frame of that pose."""
+    lattice = lattice_of(AFFORDANCE)
+    cell = lattice.index(torch.tensor([0.0, 0.0, 0.03]), torch.tensor([1.0, 0.0, 0.0, 0.0]))
+    position, quaternion = lattice.centres(cell.unsqueeze(0))
+    voters = Voters(se3.inverse(se3.pose(position, quaternion)), torch.tensor([1]))
+    aside, back = torch.eye(4), torch.eye(4)
+    aside[1, 3], back[1, 3] = 0.02, -0.02
+    pool = Pool(aside[None], torch.tensor([1]), torch.tensor([-math.inf]))
+    points = torch.tensor([between]) if not touched else torch.stack([torch.tensor(between), IN_A_FINGER])
+    proposer = Proposer.of(single_point_model(lattice, int(cell)), CONFIG, VOLUMES)
+    found = proposer.refined(pool, back[None], voters, points, around)
+    assert torch.allclose(found.T[0], torch.eye(4) if moved else aside, atol=1e-6)
+    assert bool(found.score.isfinite()) == moved
