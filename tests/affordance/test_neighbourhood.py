@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -364,3 +365,72 @@ def test_points_of_pairs_by_hand() -> None:
     assert particles.slice.tolist() == [4, 5, 1] and particles.cell.tolist() == [7, 8, 9]
     assert particles.prototype.tolist() == [2, 2, 0] and particles.grasp_type.tolist() == [0, 1, 1]
     assert particles.success.tolist() == [True, False, False]
+
+
+def refusal(model: affordance.GraspModel, folder: Path) -> str:
+    """What `load_model` says of a model that was saved like this; empty if it takes it."""
+    affordance.save_model(model, folder)
+    try:
+        affordance.load_model(folder)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def test_points_that_would_not_be_found_are_refused(model: affordance.GraspModel, tmp_path: Path) -> None:
+    """Each change alone, and what stands just beside it and is well."""
+    condensed, cells = model.condensed, model.lattice.cells
+    start, cell = condensed.slice_start, condensed.cell
+    assert len(start) == 9 and start[1] > 2 and start[3] < start[4]
+
+    def changed(name: str, index: int, value: float) -> affordance.GraspModel:
+        tensor = getattr(condensed, name).clone()
+        tensor[index] = value
+        return replace(model, condensed=replace(condensed, **{name: tensor}))
+
+    for bad, words in (
+        (changed("slice_start", 0, 1), "expected slice_start to rise from 0"),
+        (changed("slice_start", 3, int(start[4]) + 1), "expected slice_start to rise from 0"),
+        (changed("cell", -1, cells), f"expected cells below {cells}, got {cells}"),
+        (changed("cell", 1, int(cell[0])), "expected cells to rise within a slice"),
+        (changed("cell", 0, -1), "expected cell finite and from 0 to inf"),
+        (changed("probability", 5, 1.001), "expected probability finite and from 0 to 1"),
+        (changed("probability", 5, math.nan), "expected probability finite and from 0 to 1"),
+        (changed("support", 5, -0.001), "expected support finite and from 0 to inf"),
+        (changed("support", 5, math.inf), "expected support finite and from 0 to inf"),
+        (changed("base_rate", 1, -0.001), "expected base_rate finite and from 0 to 1"),
+    ):
+        assert words in refusal(bad, tmp_path)
+    for well in (
+        changed("cell", -1, cells - 1),
+        changed("probability", 5, 1.0),
+        changed("support", 5, 0.0),
+        changed("base_rate", 1, 1.0),
+    ):
+        assert refusal(well, tmp_path) == ""
+
+
+def test_tensors_of_other_shapes_or_types_are_refused(model: affordance.GraspModel, tmp_path: Path) -> None:
+    condensed, weights = model.condensed, model.calibration.weights
+    points, K = len(condensed.cell), len(model.centres)
+    for name, tensor, words in (
+        ("slice_start", condensed.slice_start[1:], "expected slice_start of shape (9,), got (8,)"),
+        ("base_rate", torch.full((3,), 0.5), "expected base_rate of shape (2,), got (3,)"),
+        ("support", condensed.support[:-1], f"expected support of shape ({points},), got ({points - 1},)"),
+        ("probability", condensed.probability.long(), "expected probability to hold numbers, got torch.int64"),
+        ("cell", condensed.cell.float(), "expected cell to hold whole numbers, got torch.float32"),
+    ):
+        other = replace(model, condensed=replace(condensed, **{name: tensor}))
+        assert refusal(other, tmp_path).endswith(words)
+    narrow = replace(model, centres=torch.rand(K, 143))
+    assert refusal(narrow, tmp_path).endswith(f"expected centres of shape (K, 144), got ({K}, 143)")
+    flat = replace(model, calibration=replace(model.calibration, weights=weights[:, :3]))
+    assert refusal(flat, tmp_path).endswith("expected calibration of shape (2, 4), got (2, 3)")
+
+
+def test_a_lattice_of_other_settings_is_refused(model: affordance.GraspModel, tmp_path: Path) -> None:
+    for affordance_settings, refused in (({}, False), ({"voxel": 0.011}, True), ({"voxel": 0.013}, True)):
+        said = {**model.settings, "affordance": {**model.settings["affordance"], **affordance_settings}}
+        assert ("expected the lattice" in refusal(replace(model, settings=said), tmp_path)) == refused
+    without = {name: values for name, values in model.settings.items() if name != "sensing"}
+    assert "expected settings with the keys" in refusal(replace(model, settings=without), tmp_path)
