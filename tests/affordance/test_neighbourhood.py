@@ -408,6 +408,9 @@ def test_points_that_would_not_be_found_are_refused(model: affordance.GraspModel
         changed("base_rate", 1, 1.0),
     ):
         assert refusal(well, tmp_path) == ""
+    without = {name: getattr(condensed, name)[start[1] :] for name in ("cell", "probability", "support")}
+    nothing_of_the_first = replace(condensed, slice_start=(start - start[1]).clamp(min=0), **without)
+    assert refusal(replace(model, condensed=nothing_of_the_first), tmp_path) == ""
 
 
 def test_tensors_of_other_shapes_or_types_are_refused(model: affordance.GraspModel, tmp_path: Path) -> None:
@@ -434,3 +437,12 @@ def test_a_lattice_of_other_settings_is_refused(model: affordance.GraspModel, tm
         assert ("expected the lattice" in refusal(replace(model, settings=said), tmp_path)) == refused
     without = {name: values for name, values in model.settings.items() if name != "sensing"}
     assert "expected settings with the keys" in refusal(replace(model, settings=without), tmp_path)
+
+
+def test_rounding_makes_no_probability_above_one() -> None:
+    """Three successes of three, that add up to a little more; a point near which the kernel weighs nothing; none."""
+    counts = Counts(torch.tensor([3.0000002, 0.0, 0.0]), torch.tensor([3.0, 0.0, 5.0]), torch.tensor([3.0, 1.0, 0.0]))
+    points = Points(torch.tensor([2, 0, 1], dtype=torch.int32), torch.zeros(3, dtype=torch.int32))
+    votes = counted_votes(counts, points, torch.tensor([7, 8, 9]), min_support=0.0)
+    assert votes.grasp.tolist() == [7, 8] and votes.prototype.tolist() == [1, 0]
+    assert votes.probability.tolist() == [1.0, 0.0] and votes.support.tolist() == [3.0, 0.0]

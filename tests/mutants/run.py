@@ -36,22 +36,24 @@ from scipy.stats import binomtest
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "outputs" / "mutants"
 
-FEATURES = ["ops/test_ops_grid.py", "ops/test_ops_relations.py", "ops/test_ops_alignment.py", "features"]
+RINGS = ["grid", "relations", "alignment_runs", "alignment"]
+FEATURES = [*(f"ops/test_ops_{name}.py" for name in RINGS), "features", "ops/test_ops.py"]
 CLUSTERS = ["ops/test_ops.py", "prototypes"]
-LEARNER = ["affordance", "experiment/test_leakage.py"]
+CELLS = ["affordance", "ops/test_ops.py"]
+LEARNER = ["affordance", "experiment/test_leakage.py", "experiment/test_golden.py"]
 
 # The tests nearest to a module: those of the longest beginning of its name, the quick ones first.
 NEAREST = {
     "features/": ["features"],
     "ops/": ["ops", "features", "prototypes", "affordance"],
     **dict.fromkeys(("ops/kmeans", "ops/lloyd", "ops/partition"), CLUSTERS),
-    **dict.fromkeys(("ops/accumulate", "ops/analyse", "ops/cell_pairs", "ops/look_up", "ops/relative"), LEARNER),
+    **dict.fromkeys(("ops/accumulate", "ops/analyse", "ops/cell_pairs", "ops/look_up", "ops/relative"), CELLS),
     **dict.fromkeys(("ops/alignment", "ops/describe", "ops/grid", "ops/relations", "ops/smoothing"), FEATURES),
     "ops/neighbours": ["ops/test_ops_neighbours.py", "ops/test_ops.py", "features"],
     "ops/points_in_volume": ["affordance/test_sensed_collision.py", "ops/test_ops.py", "proposing"],
     "ops/farthest_first": ["proposing/test_proposing_spreading.py", "ops/test_ops.py"],
     "prototypes/": ["prototypes"],
-    "affordance/": [*LEARNER, "experiment/test_golden.py"],
+    "affordance/": LEARNER,
     "proposing/": ["proposing"],
     "experiment/": ["experiment/test_leakage.py", "experiment/test_cross_validation.py", "experiment"],
     "simulation/": ["trials/test_one_finger.py", "trials/test_seeds.py", "trials/test_table.py", "trials"],
