@@ -4,6 +4,7 @@ An object's features fall into three kinds; a grasp is paired with four of them,
 are far apart. What a grasp's outcome has to do with that is the caller's to say.
 """
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,7 +20,7 @@ from spgf_torch.experiment.describe import Described
 from spgf_torch.experiment.experiment import Design, Experiment, Learned
 from spgf_torch.experiment.training_set import Example
 from spgf_torch.progress import Stages
-from spgf_torch.prototypes.config import PrototypeConfig
+from spgf_torch.prototypes.estimator import Prototypes
 from spgf_torch.settings import settings
 
 KINDS, FEATURES, GRASPS, EACH = 3, 40, 60, 4
@@ -53,13 +54,16 @@ def experiment(examples: list[Example], **changes: Any) -> Experiment:
     """Three folds, K = 3."""
     config = TrainConfig(K=KINDS, N=10, folds=3, seed=0, inner_grasps=40, trials_per_object=1000, training_objects=1000)
     config.final_model, config.fold_models, config.affordance = False, True, AFFORDANCE
-    config.prototypes = settings(PrototypeConfig, restarts=2, finalists=1, breath=0)
     for name, value in changes.items():
         setattr(config, name, value)
     objects: Any = [SimpleNamespace(name=f"object {i}", digest=str(i)) for i in range(len(examples))]
-    return Experiment.of(
-        config, Design(FOLD, np.arange(len(FOLD)), config.training_objects), objects, examples, Cache(None)
-    )
+    design = Design(FOLD, np.arange(len(FOLD)), config.training_objects)
+    return replace(Experiment.of(config, design, objects, examples, Cache(None)), fit=fitted)
+
+
+def fitted(relations: Tensor) -> Tensor:
+    """Prototypes as train finds them, but for Lightning."""
+    return Prototypes(KINDS, restarts=2, finalists=1, breath=0).fit(relations).centres_
 
 
 def run(examples: list[Example], **changes: Any) -> Learned:
