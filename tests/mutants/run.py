@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import hashlib
 import os
 import re
 import resource
@@ -63,6 +64,9 @@ ROOMS = ("features", "ops", "prototypes", "affordance", "proposing", "experiment
 # Seconds of processor time of the tests' process, and of a clock for those that wait for ever.
 PROCESSOR_LIMIT, CLOCK_LIMIT = 120, 900
 
+# Beside kept kernels: what they were compiled from.
+STAMP = "sources"
+
 # Each run of tests is a fork of a process that has imported what takes seconds, and nothing of ours.
 WARM = get_context("forkserver")
 HEAVY = "torch numba trimesh lightning.pytorch scipy.optimize sklearn.cluster pyarrow.parquet pytorch_kinematics fcl"
@@ -98,6 +102,15 @@ class Copy:
         shutil.copytree(ROOT, self.root, ignore=NOT_COPIED)
         (self.root / "outputs").mkdir()
         self.checked: list[list[str]] = []
+        for kernels in (self.kernels, *([] if self._fits() else [self.warm])):
+            shutil.rmtree(kernels, ignore_errors=True)
+        if self.warm.exists():
+            shutil.copytree(self.warm, self.kernels)
+
+    def _fits(self) -> bool:
+        """Whether the kernels that an earlier call left are those of this program: numba looks at single files."""
+        stamp = self.warm / STAMP
+        return stamp.is_file() and stamp.read_text() == sources()
 
     def check(self, tests: list[str]) -> None:
         """Compile the kernels, and see that the tests pass: what fails without a mutant tells nothing."""
@@ -107,6 +120,7 @@ class Copy:
                 raise SystemExit(f"mutants: expected {tests} to pass without a mutant, got {end}: {test}")
             shutil.rmtree(self.warm, ignore_errors=True)
             shutil.copytree(self.kernels, self.warm)
+            (self.warm / STAMP).write_text(sources())
             self.checked.append(tests)
 
     def run(self, mutant: Mutant) -> Outcome:
@@ -176,6 +190,13 @@ def reached(path: Path) -> set[Path]:
         found |= new
         todo += new
     return found
+
+
+@cache
+def sources() -> str:
+    """SHA-256 of the package."""
+    paths = sorted((ROOT / "spgf_torch").rglob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
 
 
 @cache
