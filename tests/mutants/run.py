@@ -46,17 +46,17 @@ LEARNER = ["affordance", "experiment/test_leakage.py", "experiment/test_golden.p
 NEAREST = {
     "features/": ["features"],
     "ops/": ["ops", "features", "prototypes", "affordance"],
-    **dict.fromkeys(("ops/kmeans", "ops/lloyd", "ops/partition"), CLUSTERS),
-    **dict.fromkeys(("ops/accumulate", "ops/analyse", "ops/cell_pairs", "ops/look_up", "ops/relative"), CELLS),
-    **dict.fromkeys(("ops/alignment", "ops/describe", "ops/grid", "ops/relations", "ops/smoothing"), FEATURES),
+    **dict.fromkeys(("ops/assignment", "ops/kmeans", "ops/lloyd", "ops/partition"), CLUSTERS),
+    **dict.fromkeys(("ops/accumulate", "ops/cell_pairs", "ops/look_up", "ops/neighbourhood_", "ops/relative"), CELLS),
+    **dict.fromkeys(("ops/alignment", "ops/describe", "ops/moving", "ops/relations", "ops/ring_grid"), FEATURES),
     "ops/neighbours": ["ops/test_ops_neighbours.py", "ops/test_ops.py", "features"],
     "ops/points_in_volume": ["affordance/test_sensed_collision.py", "ops/test_ops.py", "proposing"],
-    "ops/farthest_first": ["proposing/test_proposing_spreading.py", "ops/test_ops.py"],
+    "ops/farthest_first": ["proposing/test_proposing_sampling.py", "ops/test_ops.py"],
     "prototypes/": ["prototypes"],
     "affordance/": LEARNER,
     "proposing/": ["proposing"],
     "experiment/": ["experiment/test_leakage.py", "experiment/test_cross_validation.py", "experiment"],
-    "simulation/": ["trials/test_one_finger.py", "trials/test_seeds.py", "trials/test_table.py", "trials"],
+    "simulation/": ["simulation/test_one_finger.py", "simulation/test_seeds.py", "simulation"],
 }
 ROOMS = ("features", "ops", "prototypes", "affordance", "proposing", "experiment", "simulation")
 
