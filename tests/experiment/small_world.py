@@ -1,6 +1,6 @@
 """Six objects of forty features and sixty grasps, made of random numbers: an experiment that takes a moment.
 
-An object's features fall into three kinds; a grasp is paired with four of them, each in one of a few cells of SE(3) that
+An object's features fall into three kinds; a grasp is paired with four of them, each in one of a few cells that
 are far apart. What a grasp's outcome has to do with that is the caller's to say.
 """
 

@@ -51,10 +51,7 @@ def test_outcomes_of_novel_objects_change_nothing() -> None:
 def test_prototypes_do_not_know_the_novel_objects() -> None:
     """Other features of fold 0 move the prototypes of the folds that they teach, and not those of their own."""
     examples = world(cells=4)
-    moved = [
-        replace(e, relations=e.relations + 1) if i in NOVEL else e
-        for i, e in enumerate(examples)
-    ]
+    moved = [replace(e, relations=e.relations + 1) if i in NOVEL else e for i, e in enumerate(examples)]
     before, after = run(examples).of_fold, run(moved).of_fold
     assert same(before[0].centres, after[0].centres)
     assert not torch.isclose(before[1].centres, after[1].centres).any()
