@@ -393,6 +393,7 @@ def test_points_that_would_not_be_found_are_refused(model: affordance.GraspModel
         assert words in refusal(bad, tmp_path)
     for well in (
         changed("cell", -1, cells - 1),
+        changed("cell", 1, int(cell[0]) + 1),  # next to each other
         changed("probability", 5, 1.0),
         changed("support", 5, 0.0),
         changed("base_rate", 1, 1.0),

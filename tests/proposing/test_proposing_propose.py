@@ -227,6 +227,6 @@ def test_a_move_leaves_the_hand_free(between: list[float], touched: bool, around
     pool = Pool(aside[None], torch.tensor([1]), torch.tensor([-math.inf]))
     points = torch.tensor([between]) if not touched else torch.stack([torch.tensor(between), IN_A_FINGER])
     proposer = Proposer.of(single_point_model(grid, int(cell)), CONFIG, VOLUMES)
-    found = proposer.refined(pool, back[None], voters, points, around)
+    found = proposer.refine(pool, back[None], voters, points, around)
     assert torch.allclose(found.T[0], torch.eye(4) if moved else aside, atol=1e-6)
     assert bool(found.score.isfinite()) == moved
