@@ -437,3 +437,11 @@ def test_rounding_makes_no_probability_above_one() -> None:
     votes = counted_votes(counts, points, torch.tensor([7, 8, 9]), min_support=0.0)
     assert votes.grasp.tolist() == [7, 8] and votes.prototype.tolist() == [1, 0]
     assert votes.probability.tolist() == [1.0, 0.0] and votes.support.tolist() == [3.0, 0.0]
+
+
+def test_a_device_that_is_not_here_is_refused() -> None:
+    for name in ("cpu", "cpu:0"):
+        affordance.check_device(name)
+    for name in ("cpu:1", "meta", "gpu", "cuda:999", ""):
+        with pytest.raises(InputError, match=f"expected cpu or an accelerator of this machine, got {name or 'none'}$"):
+            affordance.check_device(name)
