@@ -70,7 +70,7 @@ class Change:
 
 
 def draw(root: Path, packages: list[str], count: int, seed: int) -> list[Mutant]:
-    """`count` mutants, as many of each package, no two at one place; each place of a package is as likely as another."""
+    """`count` mutants, as many of each package, no two at one place; all places of a package are as likely."""
     drawn = []
     for i, package in enumerate(packages):
         chance = random.Random(f"{seed}/{package}")
