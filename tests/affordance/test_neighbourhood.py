@@ -10,19 +10,19 @@ import torch
 from spgf_torch.affordance import model as affordance
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.neighbourhood import Condensed, Counts, ShapeGraspSpace, analyse, condense
-from spgf_torch.affordance.pairs import CellPairs, cell_pairs, lattice_of, shape_grasp_particles
-from spgf_torch.affordance.particles import Particles, Points, pairs_within
+from spgf_torch.affordance.pairs import CellPairs, cell_pairs, grid_of, shape_grasp_particles
+from spgf_torch.affordance.particles import Particles
 from spgf_torch.affordance.voting import NO_POINT, VotingIndex, cast_votes, counted_votes
 from spgf_torch.errors import InputError
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.geometry import se3
-from spgf_torch.geometry.lattice import Kernel, Lattice, gaussian_kernel
+from spgf_torch.geometry.se3_grid import Kernel, SE3Grid, gaussian_kernel
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import plain, settings
 
-LATTICE = Lattice(reach=0.03, voxel=0.01, rotation_deg=60.0)
+GRID = SE3Grid(reach=0.03, voxel=0.01, rotation_deg=60.0)
 PROTOTYPES = 3
 
 
@@ -32,16 +32,16 @@ def random_particles(n: int, generator: torch.Generator) -> Particles:
     quaternion = torch.nn.functional.normalize(
         torch.tensor([1.0, 0, 0, 0]) + 0.3 * torch.randn(n, 4, generator=generator), dim=1
     )
-    cell = LATTICE.index(direction * 0.012, quaternion)
+    cell = GRID.index(direction * 0.012, quaternion)
     prototype = torch.randint(PROTOTYPES, (n,), generator=generator)
-    slice_ = prototype * 2 + torch.randint(2, (n,), generator=generator)
-    return Particles(slice_.int(), cell.int(), torch.rand(n, generator=generator) < 0.3)
+    partition = prototype * 2 + torch.randint(2, (n,), generator=generator)
+    return Particles(partition.int(), cell.int(), torch.rand(n, generator=generator) < 0.3)
 
 
 def loop_condense(particles: Particles, kernel_mm: float, kernel_deg: float, min_support: float) -> dict:
     """The definition in float64: for every populated point, all particles of its id and type, weighted."""
     points = {}
-    position, quaternion = (t.double() for t in LATTICE.centres(particles.cell))
+    position, quaternion = (t.double() for t in GRID.centres(particles.cell))
     for i in range(len(particles.cell)):
         key = (int(particles.prototype[i]), int(particles.grasp_type[i]), int(particles.cell[i]))
         if key in points:
@@ -71,16 +71,16 @@ def generator() -> torch.Generator:
 
 @pytest.fixture
 def kernel() -> Kernel:
-    return gaussian_kernel(LATTICE, 0.006, 30.0)
+    return gaussian_kernel(GRID, 0.006, 30.0)
 
 
 def test_condense_equals_the_loop(generator: torch.Generator, kernel: Kernel) -> None:
     particles = random_particles(300, generator)
-    condensed = condense([particles], PROTOTYPES, LATTICE, kernel, 2.0)
+    condensed = condense([particles], PROTOTYPES, GRID, kernel, 2.0)
     expected = loop_condense(particles, 0.006, 30.0, 2.0)
     found = {}
     for s, cell, p, n in zip(
-        condensed.slice_of_point(), condensed.cell, condensed.probability, condensed.support, strict=True
+        condensed.partition_of_point(), condensed.cell, condensed.probability, condensed.support, strict=True
     ):
         found[int(s) // 2, int(s) % 2, int(cell)] = (float(p), float(n))
     assert 20 < len(expected) < 300
@@ -92,48 +92,38 @@ def test_condense_equals_the_loop(generator: torch.Generator, kernel: Kernel) ->
 def test_order_of_particles_does_not_matter(generator: torch.Generator, kernel: Kernel) -> None:
     particles = random_particles(500, generator)
     order = torch.randperm(500, generator=generator)
-    shuffled = Particles(*(getattr(particles, n)[order] for n in ("slice", "cell", "success")))
-    a, b = (condense([p], PROTOTYPES, LATTICE, kernel, 1.0) for p in (particles, shuffled))
-    for name in ("slice_start", "cell", "probability", "support", "base_rate"):
+    shuffled = Particles(*(getattr(particles, n)[order] for n in ("partition", "cell", "success")))
+    a, b = (condense([p], PROTOTYPES, GRID, kernel, 1.0) for p in (particles, shuffled))
+    for name in ("partition_start", "cell", "probability", "support", "base_rate"):
         assert torch.equal(getattr(a, name), getattr(b, name))
 
 
 def test_four_particles_by_hand() -> None:
     """No smoothing: two cells of prototype 0, NPG. Cell a: 2 successes of 3; cell b: 1 particle, not significant."""
-    kernel = gaussian_kernel(LATTICE, 0.0, 0.0)
-    cell = LATTICE.index(torch.tensor([[0.0, 0, 0]] * 3 + [[0.02, 0, 0]]), torch.tensor([[1.0, 0, 0, 0]] * 4))
+    kernel = gaussian_kernel(GRID, 0.0, 0.0)
+    cell = GRID.index(torch.tensor([[0.0, 0, 0]] * 3 + [[0.02, 0, 0]]), torch.tensor([[1.0, 0, 0, 0]] * 4))
     particles = Particles(torch.zeros(4, dtype=torch.int32), cell.int(), torch.tensor([True, False, True, True]))
-    condensed = condense([particles], 1, LATTICE, kernel, min_support=2)
+    condensed = condense([particles], 1, GRID, kernel, min_support=2)
     assert condensed.cell.tolist() == [int(cell[0])]
     assert condensed.probability.tolist() == pytest.approx([2 / 3])
     assert condensed.support.tolist() == [3.0]
     assert condensed.base_rate.tolist() == pytest.approx([0.75, 0.0])
 
 
-def test_pairs_within_gives_relative_poses(generator: torch.Generator) -> None:
-    features, grasps = (se3.random_poses(40, generator) for _ in range(2))
-    pairs = pairs_within(features, grasps, reach=0.9)
-    expected = [(f, g) for f in range(40) for g in range(40) if (features[f, :3, 3] - grasps[g, :3, 3]).norm() <= 0.9]
-    assert list(zip(pairs.feature.tolist(), pairs.grasp.tolist(), strict=True)) == expected
-    T_feature_grasp = se3.inverse(features[pairs.feature]) @ grasps[pairs.grasp]
-    assert torch.allclose(se3.pose(pairs.position, pairs.quaternion), T_feature_grasp, atol=1e-5)
-
-
-def test_pairs_are_the_same_in_any_frame(generator: torch.Generator) -> None:
-    features, grasps = (se3.random_poses(30, generator) for _ in range(2))
-    moved = se3.random_poses(1, generator)
-    a, b = pairs_within(features, grasps, 0.8), pairs_within(moved @ features, moved @ grasps, 0.8)
-    assert torch.equal(a.feature, b.feature) and torch.allclose(a.position, b.position, atol=1e-5)
+def test_particles_without_outcomes_teach_nothing() -> None:
+    cell = torch.zeros(1, dtype=torch.int32)
+    with pytest.raises(ValueError, match="outcomes of trials"):
+        ShapeGraspSpace.of([[Particles(cell, cell)]], 1, GRID)
 
 
 def test_votes_equal_brute_force(generator: torch.Generator, kernel: Kernel) -> None:
-    condensed = condense([random_particles(400, generator)], PROTOTYPES, LATTICE, kernel, 2.0)
+    condensed = condense([random_particles(400, generator)], PROTOTYPES, GRID, kernel, 2.0)
     asked = random_particles(300, generator)
-    found = VotingIndex(condensed, LATTICE).find(asked.slice.long(), asked.cell.long())
-    keys = list(zip(condensed.slice_of_point().tolist(), condensed.cell.tolist(), strict=True))
+    found = VotingIndex(condensed, GRID).find(asked.partition.long(), asked.cell.long())
+    keys = list(zip(condensed.partition_of_point().tolist(), condensed.cell.tolist(), strict=True))
     expected = [
         keys.index(key) if key in keys else NO_POINT
-        for key in zip(asked.slice.tolist(), asked.cell.tolist(), strict=True)
+        for key in zip(asked.partition.tolist(), asked.cell.tolist(), strict=True)
     ]
     assert found.tolist() == expected
     assert NO_POINT in expected and max(expected) > 0
@@ -141,7 +131,7 @@ def test_votes_equal_brute_force(generator: torch.Generator, kernel: Kernel) -> 
 
 def split(particles: Particles, groups: int) -> list[Particles]:
     """The particles dealt out to groups in turn."""
-    names = ("slice", "cell", "success")
+    names = ("partition", "cell", "success")
     return [Particles(*(getattr(particles, name)[g::groups] for name in names)) for g in range(groups)]
 
 
@@ -149,10 +139,10 @@ def test_analysis_at_points_equals_the_condensed_space(generator: torch.Generato
     """Votes are the same whether the space is condensed first or analysed where the votes fall."""
     particles, asked = random_particles(400, generator), random_particles(300, generator)
     grasp = torch.randint(50, (300,), generator=generator)
-    condensed = condense([particles], PROTOTYPES, LATTICE, kernel, 2.0)
-    expected = cast_votes(VotingIndex(condensed, LATTICE), asked, grasp)
-    space = ShapeGraspSpace.of([split(particles, 3)[:2], split(particles, 3)[2:]], PROTOTYPES, LATTICE)
-    counts = analyse(space, asked, torch.full((300,), 2), LATTICE, kernel)
+    condensed = condense([particles], PROTOTYPES, GRID, kernel, 2.0)
+    expected = cast_votes(VotingIndex(condensed, GRID), asked, grasp)
+    space = ShapeGraspSpace.of([split(particles, 3)[:2], split(particles, 3)[2:]], PROTOTYPES, GRID)
+    counts = analyse(space, asked, torch.full((300,), 2), GRID, kernel)
     votes = counted_votes(counts, asked, grasp, 2.0)
     assert 20 < len(votes.grasp) < 300
     for name in ("grasp", "prototype", "probability", "support"):
@@ -163,39 +153,39 @@ def test_analysis_at_points_equals_the_condensed_space(generator: torch.Generato
 def test_leaving_a_group_out_equals_learning_without_it(group: int, generator: torch.Generator, kernel: Kernel) -> None:
     particles, asked = random_particles(300, generator), random_particles(200, generator)
     parts = split(particles, 3)
-    space = ShapeGraspSpace.of([[part] for part in parts], PROTOTYPES, LATTICE)
-    without = torch.where(torch.arange(200) < 150, group, 3)  # the last quarter asks everyone
-    left_out = analyse(space, asked, without, LATTICE, kernel)
-    others = ShapeGraspSpace.of([[part for i, part in enumerate(parts) if i != group]], PROTOTYPES, LATTICE)
-    expected = analyse(others, asked, torch.full((200,), 1), LATTICE, kernel)
-    everyone = analyse(space, asked, torch.full((200,), 3), LATTICE, kernel)
-    for name in ("successes", "particles", "here"):
+    space = ShapeGraspSpace.of([[part] for part in parts], PROTOTYPES, GRID)
+    excluded = torch.where(torch.arange(200) < 150, group, 3)  # the last quarter asks everyone
+    left_out = analyse(space, asked, excluded, GRID, kernel)
+    others = ShapeGraspSpace.of([[part for i, part in enumerate(parts) if i != group]], PROTOTYPES, GRID)
+    expected = analyse(others, asked, torch.full((200,), 1), GRID, kernel)
+    everyone = analyse(space, asked, torch.full((200,), 3), GRID, kernel)
+    for name in ("successes", "particles", "own_count"):
         assert torch.equal(getattr(left_out, name)[:150], getattr(expected, name)[:150])
         assert torch.equal(getattr(left_out, name)[150:], getattr(everyone, name)[150:])
         assert not torch.equal(getattr(expected, name), getattr(everyone, name))
 
 
 def test_analysis_of_nothing() -> None:
-    kernel = gaussian_kernel(LATTICE, 0.0, 0.0)
+    kernel = gaussian_kernel(GRID, 0.0, 0.0)
     none = torch.zeros(0, dtype=torch.int32)
-    space = ShapeGraspSpace.of([[Particles(none, none, none.bool())]], 1, LATTICE)
+    space = ShapeGraspSpace.of([[Particles(none, none, none.bool())]], 1, GRID)
     one = torch.ones(1, dtype=torch.int32)
-    counts = analyse(space, Points(one, one), one.long(), LATTICE, kernel)
-    assert [float(t) for t in (counts.successes, counts.particles, counts.here)] == [0, 0, 0]
-    assert len(counted_votes(counts, Points(one, one), one.long(), 0.0).grasp) == 0
+    counts = analyse(space, Particles(one, one), one.long(), GRID, kernel)
+    assert [float(t) for t in (counts.successes, counts.particles, counts.own_count)] == [0, 0, 0]
+    assert len(counted_votes(counts, Particles(one, one), one.long(), 0.0).grasp) == 0
 
 
 @pytest.mark.parametrize("kernel_mm", [0.0, 0.006, 0.01])
 def test_analysis_equals_the_loop(kernel_mm: float, generator: torch.Generator) -> None:
     """At points asked of all, and of all but one group, many of them more than once and some of nobody."""
-    kernel = gaussian_kernel(LATTICE, kernel_mm, 40.0)
+    kernel = gaussian_kernel(GRID, kernel_mm, 40.0)
     particles, asked = random_particles(250, generator), random_particles(200, generator)
-    without, group = torch.randint(3, (200,), generator=generator), torch.arange(250) % 2
-    space = ShapeGraspSpace.of([[part] for part in split(particles, 2)], PROTOTYPES, LATTICE)
-    found = torch.stack(list(vars(analyse(space, asked, without, LATTICE, kernel)).values()), dim=1)
+    excluded, group = torch.randint(3, (200,), generator=generator), torch.arange(250) % 2
+    space = ShapeGraspSpace.of([[part] for part in split(particles, 2)], PROTOTYPES, GRID)
+    found = torch.stack(list(vars(analyse(space, asked, excluded, GRID, kernel)).values()), dim=1)
     expected = torch.zeros(200, 3)
     for q in range(200):
-        teaching = (particles.slice == asked.slice[q]) & (group != without[q])
+        teaching = (particles.partition == asked.partition[q]) & (group != excluded[q])
         expected[q, 2] = (teaching & (particles.cell == asked.cell[q])).sum()
         if expected[q, 2] > 0:
             for i in teaching.nonzero()[:, 0].tolist():
@@ -207,51 +197,51 @@ def test_analysis_equals_the_loop(kernel_mm: float, generator: torch.Generator) 
 
 def weight_between(kernel: Kernel, cell: int, other: int) -> float:
     """By the kernel's own lists."""
-    turns, r = kernel.turn[cell // LATTICE.voxels].tolist(), other // LATTICE.voxels
-    shift = other % LATTICE.voxels - cell % LATTICE.voxels
+    turns, r = kernel.turn[cell // GRID.voxels].tolist(), other // GRID.voxels
+    shift = other % GRID.voxels - cell % GRID.voxels
     if r not in turns or shift not in kernel.offset.tolist():
         return 0.0
-    turned = kernel.turn_weight[cell // LATTICE.voxels, turns.index(r)]
+    turned = kernel.turn_weight[cell // GRID.voxels, turns.index(r)]
     return float(kernel.weight[kernel.offset.tolist().index(shift)]) * float(turned)
 
 
 def test_two_threads_find_the_same(generator: torch.Generator, kernel: Kernel) -> None:
     particles, asked = random_particles(3000, generator), random_particles(2000, generator)
-    without = torch.randint(4, (2000,), generator=generator)
+    excluded = torch.randint(4, (2000,), generator=generator)
     found = []
     for count in (1, 2):
         threads = torch.get_num_threads()
         torch.set_num_threads(count)
-        space = ShapeGraspSpace.of([[part] for part in split(particles, 3)], PROTOTYPES, LATTICE)
-        counts = analyse(space, asked, without, LATTICE, kernel)
-        condensed = condense(split(particles, 3), PROTOTYPES, LATTICE, kernel, 2.0)
+        space = ShapeGraspSpace.of([[part] for part in split(particles, 3)], PROTOTYPES, GRID)
+        counts = analyse(space, asked, excluded, GRID, kernel)
+        condensed = condense(split(particles, 3), PROTOTYPES, GRID, kernel, 2.0)
         torch.set_num_threads(threads)
         found.append([*vars(counts).values(), *vars(condensed).values()])
     assert all(torch.equal(a, b) for a, b in zip(*found, strict=True)) and len(found[0]) == 8
 
 
 def test_keys_of_64_bits(generator: torch.Generator, kernel: Kernel) -> None:
-    """Finer lattices and more groups need them; what is found is the same."""
+    """Finer grids and more groups need them; what is found is the same."""
     particles, asked = random_particles(300, generator), random_particles(200, generator)
-    space = ShapeGraspSpace.of([[part] for part in split(particles, 3)], PROTOTYPES, LATTICE)
+    space = ShapeGraspSpace.of([[part] for part in split(particles, 3)], PROTOTYPES, GRID)
     wide = replace(space, particles=space.particles._replace(key=space.particles.key.long()))
     assert space.particles.key.dtype == torch.int32
-    without = torch.arange(200) % 4
-    found, same = (analyse(each, asked, without, LATTICE, kernel) for each in (space, wide))
+    excluded = torch.arange(200) % 4
+    found, same = (analyse(each, asked, excluded, GRID, kernel) for each in (space, wide))
     assert all(torch.equal(a, b) for a, b in zip(vars(found).values(), vars(same).values(), strict=True))
 
 
 def test_counts_split_in_order() -> None:
     row = torch.arange(5.0)
     parts = Counts(row, row + 10, row + 20).split([2, 3])
-    assert parts[1].particles.tolist() == [12, 13, 14] and parts[0].here.tolist() == [20, 21]
+    assert parts[1].particles.tolist() == [12, 13, 14] and parts[0].own_count.tolist() == [20, 21]
 
 
 def test_an_empty_model_supports_nothing() -> None:
     empty = torch.zeros(0)
     condensed = Condensed(torch.zeros(7, dtype=torch.long), empty.long(), empty, empty, torch.zeros(2))
     one = torch.zeros(1, dtype=torch.int32)
-    assert len(cast_votes(VotingIndex(condensed, LATTICE), Points(one, one), one.long()).grasp) == 0
+    assert len(cast_votes(VotingIndex(condensed, GRID), Particles(one, one), one.long()).grasp) == 0
 
 
 ROOMS = {"sensing": SensingConfig, "features": FeatureConfig, "prototypes": PrototypeConfig, "hand": HandConfig}
@@ -284,9 +274,9 @@ def test_pairs_of_some_grasps(generator: torch.Generator) -> None:
 def test_model_round_trip(model: affordance.GraspModel, tmp_path) -> None:
     affordance.save_model(model, tmp_path)
     back = affordance.load_model(tmp_path)
-    assert back.lattice == model.lattice and torch.equal(back.centres, model.centres)
+    assert back.grid == model.grid and torch.equal(back.centres, model.centres)
     assert torch.equal(back.calibration.weights, model.calibration.weights)
-    for name in ("slice_start", "cell", "probability", "support", "base_rate"):
+    for name in ("partition_start", "cell", "probability", "support", "base_rate"):
         assert torch.equal(getattr(back.condensed, name), getattr(model.condensed, name))
 
 
@@ -322,7 +312,7 @@ def test_tensors_that_do_not_belong_together_are_refused(model, tmp_path) -> Non
 def test_cells_out_of_order_are_refused(model, tmp_path) -> None:
     shuffled = replace(model, condensed=replace(model.condensed, cell=model.condensed.cell.flip(0)))
     affordance.save_model(shuffled, tmp_path)
-    with pytest.raises(InputError, match="expected cells to rise within a slice"):
+    with pytest.raises(InputError, match="expected cells to rise within a partition"):
         affordance.load_model(tmp_path)
 
 
@@ -336,7 +326,7 @@ def test_a_model_cut_in_half_is_refused(model, tmp_path) -> None:
 
 def test_a_lattice_too_fine_for_memory_is_refused() -> None:
     with pytest.raises(InputError, match=r"affordance: expected reach, voxel and rotation_deg .* got [\d,]+$"):
-        lattice_of(settings(AffordanceConfig, voxel=0.002))
+        grid_of(settings(AffordanceConfig, voxel=0.002))
 
 
 def test_as_many_particles_as_are_asked_for_are_enough() -> None:
@@ -344,25 +334,25 @@ def test_as_many_particles_as_are_asked_for_are_enough() -> None:
 
     Counts are exact, so the bound itself can be met: condensed, and analysed where the votes fall.
     """
-    kernel = gaussian_kernel(LATTICE, 0.0, 0.0)
-    cell = LATTICE.index(torch.zeros(3, 3), torch.tensor([[1.0, 0, 0, 0]] * 3)).int()
+    kernel = gaussian_kernel(GRID, 0.0, 0.0)
+    cell = GRID.index(torch.zeros(3, 3), torch.tensor([[1.0, 0, 0, 0]] * 3)).int()
     particles = Particles(torch.zeros(3, dtype=torch.int32), cell, torch.tensor([True, False, True]))
-    space, asked = ShapeGraspSpace.of([[particles]], 1, LATTICE), Points(particles.slice[:1], cell[:1])
-    counts = analyse(space, asked, torch.tensor([1]), LATTICE, kernel)
+    space, asked = ShapeGraspSpace.of([[particles]], 1, GRID), Particles(particles.partition[:1], cell[:1])
+    counts = analyse(space, asked, torch.tensor([1]), GRID, kernel)
     for least, support in ((3.0, [3.0]), (3.1, [])):
-        assert condense([particles], 1, LATTICE, kernel, least).support.tolist() == support
+        assert condense([particles], 1, GRID, kernel, least).support.tolist() == support
         assert counted_votes(counts, asked, torch.tensor([0]), least).support.tolist() == support
 
 
 def test_points_of_pairs_by_hand() -> None:
     """Features of prototypes 2 and 0; the first is paired with an NPG and a WPG, the second with the WPG.
 
-    A slice is prototype * 2 + type: 2 NPG = 4, 2 WPG = 5, 0 WPG = 1. The particles have their grasps' outcomes.
+    A partition is prototype * 2 + type: 2 NPG = 4, 2 WPG = 5, 0 WPG = 1. The particles have their grasps' outcomes.
     """
     feature, grasp, cell = torch.tensor([[0, 0, 1], [0, 1, 1], [7, 8, 9]], dtype=torch.int32)
     pairs = CellPairs(feature, grasp, cell, grasp_type=torch.tensor([0, 1]))
     particles = shape_grasp_particles(pairs, torch.tensor([2, 0]), torch.tensor([True, False]))
-    assert particles.slice.tolist() == [4, 5, 1] and particles.cell.tolist() == [7, 8, 9]
+    assert particles.partition.tolist() == [4, 5, 1] and particles.cell.tolist() == [7, 8, 9]
     assert particles.prototype.tolist() == [2, 2, 0] and particles.grasp_type.tolist() == [0, 1, 1]
     assert particles.success.tolist() == [True, False, False]
 
@@ -379,8 +369,8 @@ def refusal(model: affordance.GraspModel, folder: Path) -> str:
 
 def test_points_that_would_not_be_found_are_refused(model: affordance.GraspModel, tmp_path: Path) -> None:
     """Each change alone, and what stands just beside it and is well."""
-    condensed, cells = model.condensed, model.lattice.cells
-    start, cell = condensed.slice_start, condensed.cell
+    condensed, cells = model.condensed, model.grid.cells
+    start, cell = condensed.partition_start, condensed.cell
     assert len(start) == 9 and start[1] > 2 and start[3] < start[4]
 
     def changed(name: str, index: int, value: float) -> affordance.GraspModel:
@@ -389,10 +379,10 @@ def test_points_that_would_not_be_found_are_refused(model: affordance.GraspModel
         return replace(model, condensed=replace(condensed, **{name: tensor}))
 
     for bad, words in (
-        (changed("slice_start", 0, 1), "expected slice_start to rise from 0"),
-        (changed("slice_start", 3, int(start[4]) + 1), "expected slice_start to rise from 0"),
+        (changed("partition_start", 0, 1), "expected slice_start to rise from 0"),
+        (changed("partition_start", 3, int(start[4]) + 1), "expected slice_start to rise from 0"),
         (changed("cell", -1, cells), f"expected cells below {cells}, got {cells}"),
-        (changed("cell", 1, int(cell[0])), "expected cells to rise within a slice"),
+        (changed("cell", 1, int(cell[0])), "expected cells to rise within a partition"),
         (changed("cell", 0, -1), "expected cell finite and from 0 to inf"),
         (changed("probability", 5, 1.001), "expected probability finite and from 0 to 1"),
         (changed("probability", 5, math.nan), "expected probability finite and from 0 to 1"),
@@ -403,13 +393,14 @@ def test_points_that_would_not_be_found_are_refused(model: affordance.GraspModel
         assert words in refusal(bad, tmp_path)
     for well in (
         changed("cell", -1, cells - 1),
+        changed("cell", 1, int(cell[0]) + 1),  # next to each other
         changed("probability", 5, 1.0),
         changed("support", 5, 0.0),
         changed("base_rate", 1, 1.0),
     ):
         assert refusal(well, tmp_path) == ""
     without = {name: getattr(condensed, name)[start[1] :] for name in ("cell", "probability", "support")}
-    nothing_of_the_first = replace(condensed, slice_start=(start - start[1]).clamp(min=0), **without)
+    nothing_of_the_first = replace(condensed, partition_start=(start - start[1]).clamp(min=0), **without)
     assert refusal(replace(model, condensed=nothing_of_the_first), tmp_path) == ""
 
 
@@ -417,7 +408,7 @@ def test_tensors_of_other_shapes_or_types_are_refused(model: affordance.GraspMod
     condensed, weights = model.condensed, model.calibration.weights
     points, K = len(condensed.cell), len(model.centres)
     for name, tensor, words in (
-        ("slice_start", condensed.slice_start[1:], "expected slice_start of shape (9,), got (8,)"),
+        ("partition_start", condensed.partition_start[1:], "expected slice_start of shape (9,), got (8,)"),
         ("base_rate", torch.full((3,), 0.5), "expected base_rate of shape (2,), got (3,)"),
         ("support", condensed.support[:-1], f"expected support of shape ({points},), got ({points - 1},)"),
         ("probability", condensed.probability.long(), "expected probability to hold numbers, got torch.int64"),
@@ -442,7 +433,15 @@ def test_a_lattice_of_other_settings_is_refused(model: affordance.GraspModel, tm
 def test_rounding_makes_no_probability_above_one() -> None:
     """Three successes of three, that add up to a little more; a point near which the kernel weighs nothing; none."""
     counts = Counts(torch.tensor([3.0000002, 0.0, 0.0]), torch.tensor([3.0, 0.0, 5.0]), torch.tensor([3.0, 1.0, 0.0]))
-    points = Points(torch.tensor([2, 0, 1], dtype=torch.int32), torch.zeros(3, dtype=torch.int32))
+    points = Particles(torch.tensor([2, 0, 1], dtype=torch.int32), torch.zeros(3, dtype=torch.int32))
     votes = counted_votes(counts, points, torch.tensor([7, 8, 9]), min_support=0.0)
     assert votes.grasp.tolist() == [7, 8] and votes.prototype.tolist() == [1, 0]
     assert votes.probability.tolist() == [1.0, 0.0] and votes.support.tolist() == [3.0, 0.0]
+
+
+def test_a_device_that_is_not_here_is_refused() -> None:
+    for name in ("cpu", "cpu:0"):
+        affordance.check_device(name)
+    for name in ("cpu:1", "meta", "gpu", "cuda:999", ""):
+        with pytest.raises(InputError, match=f"expected cpu or an accelerator of this machine, got {name or 'none'}$"):
+            affordance.check_device(name)

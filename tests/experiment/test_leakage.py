@@ -7,17 +7,17 @@ import pytest
 import torch
 from small_world import AFFORDANCE, FOLD, GRASPS, KINDS, experiment, run, world
 
-from spgf_torch.affordance.ranking import Judged
+from spgf_torch.affordance.ranking import GraspScores
 from spgf_torch.experiment.cross_validation import CrossValidation
-from spgf_torch.experiment.describe import Described
-from spgf_torch.experiment.training_set import Example, TrainedSpace
+from spgf_torch.experiment.described_object import DescribedObject
+from spgf_torch.experiment.training_space import TrainingSpace
 
 NOVEL = [i for i in range(len(FOLD)) if FOLD[i] == 0]
 
 
-def flipped(examples: list[Example], which: list[int]) -> list[Example]:
+def flipped(examples: list[DescribedObject], which: list[int]) -> list[DescribedObject]:
     """With the outcomes of the objects `which` the other way round."""
-    return [replace(e, success=~e.success) if i in which else e for i, e in enumerate(examples)]
+    return [replace(e, success=~e.outcomes) if i in which else e for i, e in enumerate(examples)]
 
 
 def same(a: torch.Tensor, b: torch.Tensor) -> bool:
@@ -33,12 +33,12 @@ def test_outcomes_of_novel_objects_change_nothing() -> None:
     examples = world(cells=4)
     before, after, other = (run(e) for e in (examples, flipped(examples, NOVEL), flipped(examples, [1])))
     for i in NOVEL:
-        first, second, third = (learned.predicted[i] for learned in (before, after, other))
-        assert first.scores.keys() == second.scores.keys() and len(first.scores) == 5
-        assert all(same(score, second.scores[name]) for name, score in first.scores.items())
+        first, second, third = (learned.scores[i] for learned in (before, after, other))
+        assert first.by_ranking.keys() == second.by_ranking.keys() and len(first.by_ranking) == 5
+        assert all(same(score, second.by_ranking[name]) for name, score in first.by_ranking.items())
         assert same(first.probability, second.probability) and first.chosen == second.chosen
-        assert same(first.judged.probability, second.judged.probability)
-        assert not any(same(score, third.scores[name]) for name, score in first.scores.items())
+        assert same(first.probability_before, second.probability_before)
+        assert not any(same(score, third.by_ranking[name]) for name, score in first.by_ranking.items())
         assert not same(first.probability, third.probability)
     models = [learned.of_fold[0] for learned in (before, after, other)]
     for name in ("probability", "support", "base_rate"):
@@ -51,10 +51,7 @@ def test_outcomes_of_novel_objects_change_nothing() -> None:
 def test_prototypes_do_not_know_the_novel_objects() -> None:
     """Other features of fold 0 move the prototypes of the folds that they teach, and not those of their own."""
     examples = world(cells=4)
-    moved = [
-        replace(e, described=replace(e.described, relations=e.described.relations + 1)) if i in NOVEL else e
-        for i, e in enumerate(examples)
-    ]
+    moved = [replace(e, relations=e.relations + 1) if i in NOVEL else e for i, e in enumerate(examples)]
     before, after = run(examples).of_fold, run(moved).of_fold
     assert same(before[0].centres, after[0].centres)
     assert not torch.isclose(before[1].centres, after[1].centres).any()
@@ -67,19 +64,20 @@ def test_a_model_lists_who_taught_it() -> None:
     assert taught == {fold: everyone - {f"object {i}" for i in np.flatnonzero(fold == FOLD)} for fold in range(3)}
 
 
-def groups_of(examples: list[Example]) -> list[list[Example]]:
+def groups_of(examples: list[DescribedObject]) -> list[list[DescribedObject]]:
     return [[e for e, fold in zip(examples, FOLD, strict=True) if fold == f] for f in range(3)]
 
 
 def test_a_group_says_nothing_of_itself() -> None:
     """Its outcomes flipped, everything said of its own grasps without it stays, base rates included; with it, not."""
     examples, centres = world(cells=4), 4 * torch.eye(KINDS)
-    own = [examples[i].described for i in NOVEL]
-    before, after = (TrainedSpace(groups_of(e), centres, AFFORDANCE) for e in (examples, flipped(examples, NOVEL)))
-    for first, second in zip(before.judge(own, [0, 0]), after.judge(own, [0, 0]), strict=True):
-        assert all(same(getattr(first, name), getattr(second, name)) for name in vars(first))
+    own = [examples[i] for i in NOVEL]
+    before, after = (TrainingSpace(groups_of(e), centres, AFFORDANCE) for e in (examples, flipped(examples, NOVEL)))
+    for first, second in zip(before.score_grasps(own, [0, 0]), after.score_grasps(own, [0, 0]), strict=True):
+        assert same(first.probability, second.probability) and same(first.votes, second.votes)
+        assert all(same(score, second.by_ranking[name]) for name, score in first.by_ranking.items())
     for without in (1, None):
-        first, second = (space.judge(own, [without] * 2)[0] for space in (before, after))
+        first, second = (space.score_grasps(own, [without] * 2)[0] for space in (before, after))
         assert not same(first.log_odds, second.log_odds) and not same(first.probability, second.probability)
 
 
@@ -91,25 +89,26 @@ def test_the_calibration_does_not_see_the_group_that_is_held_out() -> None:
     examples = world(cells=700, lawful=False)
     centres = 4 * torch.eye(KINDS)
     validation = CrossValidation(AFFORDANCE, inner_grasps=GRASPS, N=10, seed=0)
-    space = TrainedSpace(groups_of(examples), centres, AFFORDANCE)
+    space = TrainingSpace(groups_of(examples), centres, AFFORDANCE)
     calibration, _ = validation.nested(space, groups_of(examples))
     assert calibration.weights[:, 1].abs().max() < 0.3
 
 
 class Told:
-    """In the place of a trained space: of each grasp it knows the outcome, which is its type.
+    """In the place of a training space: of each grasp it knows the outcome, which is its type.
 
     By `paper` one success comes first, then all failures; by the other rankings a failure, then all successes.
     """
 
-    def judge(self, objects: list[Described], without: list[int]) -> list[Judged]:
-        return [self._judged(obj.grasp_type == 1) for obj in objects]
+    def score_grasps(self, objects: list[DescribedObject], excluded_groups: list[int]) -> list[GraspScores]:
+        return [self._scores(obj.grasp_type == 1) for obj in objects]
 
-    def _judged(self, success: torch.Tensor) -> Judged:
+    def _scores(self, success: torch.Tensor) -> GraspScores:
         one, none = torch.ones(len(success)), torch.zeros(len(success), dtype=torch.int64)
         paper, log_odds = (~success).float(), success.float()
         paper[success.nonzero()[0]], log_odds[(~success).nonzero()[0]] = 2.0, 2.0
-        return Judged(one.long(), one, paper, log_odds, none, success & False)
+        by_ranking = {"paper": paper, "log_odds": log_odds, "log_odds_free": log_odds}
+        return GraspScores(one.long(), one, one, by_ranking, none, success & False)
 
 
 @pytest.mark.parametrize(("inner_grasps", "N", "chosen"), [(20, 3, "paper"), (20, 7, "log_odds"), (60, 3, "log_odds")])
@@ -119,7 +118,7 @@ def test_of_a_sample_the_same_share_counts(inner_grasps: int, N: int, chosen: st
     Instead of the best 7 count 7 / 3, rounded up: of 3, paper has 1 and log_odds 2. So it is of the best 3 of all 60.
     """
     groups = groups_of(world(cells=4))
-    groups = [[replace(e, success=e.described.grasp_type == 1) for e in group] for group in groups]
+    groups = [[replace(e, success=e.grasp_type == 1) for e in group] for group in groups]
     validation = CrossValidation(AFFORDANCE, inner_grasps, N, seed=0)
     assert validation.nested(Told(), groups)[1] == chosen  # type: ignore[arg-type]
 
@@ -127,7 +126,7 @@ def test_of_a_sample_the_same_share_counts(inner_grasps: int, N: int, chosen: st
 def test_the_sample_follows_the_seed() -> None:
     """Of 60 grasps 20 calibrate: others with another seed. Of all 60 there is nothing to draw."""
     examples, centres = world(cells=4), 4 * torch.eye(KINDS)
-    space = TrainedSpace(groups_of(examples), centres, AFFORDANCE)
+    space = TrainingSpace(groups_of(examples), centres, AFFORDANCE)
 
     def weights(inner_grasps: int, seed: int) -> torch.Tensor:
         validation = CrossValidation(AFFORDANCE, inner_grasps, N=10, seed=seed)
@@ -142,6 +141,6 @@ def test_the_grasps_that_teach_follow_the_seed() -> None:
     examples = world(cells=4)
     first, again, other = (experiment(examples, trials_per_object=10, seed=seed) for seed in (0, 0, 1))
     for one, same_one, another in zip(first.teach, again.teach, other.teach, strict=True):
-        assert torch.bincount(one.described.grasp_type).tolist() == [10, 10]
-        assert same(one.described.pairs.cell, same_one.described.pairs.cell)
-        assert not torch.equal(one.described.pairs.cell, another.described.pairs.cell)
+        assert torch.bincount(one.grasp_type).tolist() == [10, 10]
+        assert same(one.pairs.cell, same_one.pairs.cell)
+        assert not torch.equal(one.pairs.cell, another.pairs.cell)

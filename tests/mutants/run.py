@@ -5,8 +5,8 @@ It is driven from here because its own runner has one test command for all modul
 because mutmut leaves out decorated functions: all kernels. A mutant lives in a copy of the repository under
 `outputs/mutants`. The copy keeps its compiled kernels, but for those that the changed module reaches.
 
-    python tests/mutants/run.py --count 60 --seed 0          # all rooms
-    python tests/mutants/run.py --count 9 --rooms ops        # one
+    python tests/mutants/run.py --count 60 --seed 0          # all packages
+    python tests/mutants/run.py --count 9 --packages ops        # one
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from scipy.stats import binomtest
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "outputs" / "mutants"
 
-RINGS = ["grid", "relations", "alignment_runs", "alignment"]
+RINGS = ["ring_grid", "moving_average", "relations", "alignment_runs", "alignment"]
 FEATURES = [*(f"ops/test_ops_{name}.py" for name in RINGS), "features", "ops/test_ops.py"]
 CLUSTERS = ["ops/test_ops.py", "prototypes"]
 CELLS = ["affordance", "ops/test_ops.py"]
@@ -47,19 +47,19 @@ LEARNER = ["affordance", "experiment/test_leakage.py", "experiment/test_golden.p
 NEAREST = {
     "features/": ["features"],
     "ops/": ["ops", "features", "prototypes", "affordance"],
-    **dict.fromkeys(("ops/kmeans", "ops/lloyd", "ops/partition"), CLUSTERS),
-    **dict.fromkeys(("ops/accumulate", "ops/analyse", "ops/cell_pairs", "ops/look_up", "ops/relative"), CELLS),
-    **dict.fromkeys(("ops/alignment", "ops/describe", "ops/grid", "ops/relations", "ops/smoothing"), FEATURES),
+    **dict.fromkeys(("ops/assignment", "ops/kmeans", "ops/lloyd", "ops/partition"), CLUSTERS),
+    **dict.fromkeys(("ops/accumulate", "ops/cell_pairs", "ops/look_up", "ops/neighbourhood_", "ops/relative"), CELLS),
+    **dict.fromkeys(("ops/alignment", "ops/describe", "ops/moving", "ops/relations", "ops/ring_grid"), FEATURES),
     "ops/neighbours": ["ops/test_ops_neighbours.py", "ops/test_ops.py", "features"],
     "ops/points_in_volume": ["affordance/test_sensed_collision.py", "ops/test_ops.py", "proposing"],
-    "ops/farthest_first": ["proposing/test_proposing_spreading.py", "ops/test_ops.py"],
+    "ops/farthest_first": ["proposing/test_proposing_sampling.py", "ops/test_ops.py"],
     "prototypes/": ["prototypes"],
     "affordance/": LEARNER,
     "proposing/": ["proposing"],
     "experiment/": ["experiment/test_leakage.py", "experiment/test_cross_validation.py", "experiment"],
-    "simulation/": ["trials/test_one_finger.py", "trials/test_seeds.py", "trials/test_table.py", "trials"],
+    "simulation/": ["simulation/test_one_finger.py", "simulation/test_seeds.py", "simulation"],
 }
-ROOMS = ("features", "ops", "prototypes", "affordance", "proposing", "experiment", "simulation")
+PACKAGES = ("features", "ops", "prototypes", "affordance", "proposing", "experiment", "simulation")
 
 # Seconds of processor time of the tests' process, and of a clock for those that wait for ever.
 PROCESSOR_LIMIT, CLOCK_LIMIT = 120, 900
@@ -212,8 +212,8 @@ def imported() -> dict[Path, set[str]]:
 
 
 def outcomes(drawn: list[Mutant], jobs: int) -> list[Outcome]:
-    """What becomes of each mutant, shown when known; a room stays with one copy, which compiles its kernels once."""
-    rooms = [[mutant for mutant in drawn if mutant.path.parts[1] == room] for room in ROOMS]
+    """What becomes of each mutant, shown when known; a package stays with one copy, which compiles its kernels once."""
+    packages = [[mutant for mutant in drawn if mutant.path.parts[1] == package] for package in PACKAGES]
     copies: Queue[Copy] = Queue()
     for number in range(jobs):
         copies.put(Copy(number))
@@ -230,29 +230,32 @@ def outcomes(drawn: list[Mutant], jobs: int) -> list[Outcome]:
         return found
 
     with ThreadPoolExecutor(jobs) as pool:
-        return [outcome for found in pool.map(work, rooms) for outcome in found]
+        return [outcome for found in pool.map(work, packages) for outcome in found]
 
 
 def summary(found: list[Outcome]) -> str:
-    """Killed mutants of each room and of all, with the 95 % interval of the share (Wilson 1927)."""
+    """Killed mutants of each package and of all, with the 95 % interval of the share (Wilson 1927)."""
     killed = [outcome.end != "survived" for outcome in found]
     low, high = binomtest(sum(killed), len(killed)).proportion_ci(0.95, "wilson")
-    rooms = {room: [k for k, o in zip(killed, found, strict=True) if o.mutant.path.parts[1] == room] for room in ROOMS}
-    by_room = ", ".join(f"{room} {sum(hits)}/{len(hits)}" for room, hits in rooms.items() if hits)
+    packages = {
+        package: [k for k, o in zip(killed, found, strict=True) if o.mutant.path.parts[1] == package]
+        for package in PACKAGES
+    }
+    by_package = ", ".join(f"{package} {sum(hits)}/{len(hits)}" for package, hits in packages.items() if hits)
     late = sum(outcome.end == "out of time" for outcome in found)
     share = f"{sum(killed) / len(killed):.0%} (95 % interval {low:.0%} to {high:.0%})"
-    return f"{sum(killed)} of {len(killed)} killed, {share}; {late} of them by the limit of time\n{by_room}"
+    return f"{sum(killed)} of {len(killed)} killed, {share}; {late} of them by the limit of time\n{by_package}"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=60)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--rooms", nargs="+", choices=ROOMS, default=list(ROOMS))
+    parser.add_argument("--packages", nargs="+", choices=PACKAGES, default=list(PACKAGES))
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--show", action="store_true", help="the mutants drawn, none of them tried")
     asked = parser.parse_args()
-    drawn = draw(ROOT, asked.rooms, asked.count, asked.seed)
+    drawn = draw(ROOT, asked.packages, asked.count, asked.seed)
     if asked.show:
         print("\n\n".join(mutant.diff() for mutant in drawn))
         return

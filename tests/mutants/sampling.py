@@ -1,4 +1,4 @@
-"""Mutants to try: operators of Cosmic Ray, a place of the program each, drawn by room."""
+"""Mutants to try: operators of Cosmic Ray, a place of the program each, drawn by package."""
 
 from __future__ import annotations
 
@@ -69,24 +69,24 @@ class Change:
                 yield Mutant(self.path, self.line, self.operator, before, after)
 
 
-def draw(root: Path, rooms: list[str], count: int, seed: int) -> list[Mutant]:
-    """`count` mutants, as many of each room, no two at one place; every place of a room is as likely as another."""
+def draw(root: Path, packages: list[str], count: int, seed: int) -> list[Mutant]:
+    """`count` mutants, as many of each package, no two at one place; all places of a package are as likely."""
     drawn = []
-    for i, room in enumerate(rooms):
-        chance = random.Random(f"{seed}/{room}")
-        places = list(_places(root, room).values())
+    for i, package in enumerate(packages):
+        chance = random.Random(f"{seed}/{package}")
+        places = list(_places(root, package).values())
         chance.shuffle(places)
-        share = (count + len(rooms) - 1 - i) // len(rooms)
+        share = (count + len(packages) - 1 - i) // len(packages)
         mutants = (mutant for place in places for mutant in chance.choice(place).mutants(root))
         drawn += list(islice(mutants, share))
     return drawn
 
 
-def _places(root: Path, room: str) -> dict[tuple[Path, tuple[int, int]], list[Change]]:
-    """Every place of a room that an operator changes, with what they change."""
+def _places(root: Path, package: str) -> dict[tuple[Path, tuple[int, int]], list[Change]]:
+    """Every place of a package that an operator changes, with what they change."""
     operators = {name: get_operator(name)() for name in operator_names() if _wanted(name.split("/")[1])}
     places: dict[tuple[Path, tuple[int, int]], list[Change]] = {}
-    for path in sorted((root / "spgf_torch" / room).rglob("*.py")):
+    for path in sorted((root / "spgf_torch" / package).rglob("*.py")):
         if path.name in NOT_CHANGED:
             continue
         short = path.relative_to(root)
