@@ -85,3 +85,13 @@ def test_calibration_without_successes_stays_finite() -> None:
     found = fit_calibration(score, grasp_type, success, success)
     assert found.weights.isfinite().all() and found.weights[1].abs().sum() == 0
     assert (found.probability(score, grasp_type, success) < 0.1).all()
+
+
+def test_the_prior_of_a_calibration_by_hand() -> None:
+    """Four failures of score 0 leave the constant w alone to minimise 4 log(1 + exp(w)) + w^2 / 200.
+
+    So 4 sigmoid(w) = -w / 100, at w = -4.48047: without the prior it would be minus infinity.
+    """
+    zero = torch.zeros(4)
+    found = fit_calibration(zero, zero.long(), zero.bool(), zero.bool()).weights[0]
+    assert found.tolist() == pytest.approx([-4.48047, 0.0, 0.0, 0.0], rel=1e-3)
