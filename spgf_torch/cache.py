@@ -1,7 +1,7 @@
 """Tensors that are computed once and shared by runs: a folder of files named by what went into them.
 
-A key is a hash of inputs, settings, seed and program, so a changed one never meets a stale entry. An entry is one
-safetensors file with a checksum; it is there as a whole or not at all, whoever writes at the same time. Whatever is
+A key is a hash of inputs, settings, seed and code, so that any change gives a new key. An entry is one
+safetensors file with a checksum; it is written atomically, by any number of processes. Whatever is
 wrong with the folder costs time, never a result.
 """
 
@@ -36,12 +36,18 @@ ENDING = ".safetensors"
 CHECKSUM = "checksum"  # name of the tensor that holds it
 TRIM_EVERY = 32  # entries written between two looks at the size of the folder: other processes write too
 ROOM = 0.9  # of the limit is left after removing entries, so that not every new one removes another
-ABANDONED = 3600  # s; a part this old belongs to nobody any more
+ABANDONED = 3600  # s; a part this old was abandoned
 
 PACKAGE = Path(__file__).parent
-LIBRARIES = ("torch", "numpy", "scipy", "trimesh", "embreex", "lightning")
+LIBRARIES = ("torch", "numpy", "numba", "llvmlite", "scipy", "trimesh", "embreex", "lightning")
 # They compute nothing: the values of settings are part of a key themselves.
-NO_PROGRAM = ("spgf_torch.errors", "spgf_torch.settings", "spgf_torch.paths", "spgf_torch.progress", "spgf_torch.cache")
+NOT_COMPUTING = (
+    "spgf_torch.errors",
+    "spgf_torch.settings",
+    "spgf_torch.paths",
+    "spgf_torch.progress",
+    "spgf_torch.cache",
+)
 
 # Python 3.11 counts the depth of a syntax tree for all threads together: two that parse at once may fail (gh-106905).
 _PARSING = Lock()
@@ -108,7 +114,7 @@ class Cache:
         if expected is None or expected.tolist() != [checksum(path.stem, tensors)]:
             console.print(f"cache: {path} is damaged; made again")
             return None
-        with suppress(OSError):  # somebody else's folder: its order of use is theirs to keep
+        with suppress(OSError):  # a folder of another user, who keeps its order of use
             os.utime(path)
         return tensors
 
@@ -214,8 +220,8 @@ def _tokens(value: Any) -> Iterator[bytes | memoryview]:
 
 
 @lru_cache
-def program(module: str) -> str:
-    """Fingerprint of what a module of this package computes with.
+def code_fingerprint(module: str) -> str:
+    """Return the fingerprint of what a module of this package computes with.
 
     That is the source of the module and of all modules of the package that it imports, directly or not, and the
     versions of the numerical libraries.
@@ -225,11 +231,11 @@ def program(module: str) -> str:
     while todo:
         name = todo.pop()
         path = _source(name)
-        if path is not None and name not in sources and name not in NO_PROGRAM:
+        if path is not None and name not in sources and name not in NOT_COMPUTING:
             sources[name] = path.read_bytes()
             todo += _imports(sources[name])
     if not sources:
-        raise ValueError(f"program: expected a module of this package, got {module}")
+        raise ValueError(f"code_fingerprint: expected a module of this package, got {module}")
     return fingerprint(sources, {name: version(name) for name in LIBRARIES})
 
 

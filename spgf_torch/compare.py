@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.progress import console, show
 from spgf_torch.reporting.config import CompareConfig
 
@@ -39,4 +39,4 @@ def run(config: CompareConfig, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    door("compare", CompareConfig, run)
+    run_command("compare", CompareConfig, run)

@@ -1,4 +1,4 @@
-"""Imports of other packages' imports put off until somebody uses what they bring."""
+"""Imports of other packages' imports deferred until their contents are used."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from types import ModuleType
 
 
 class _Deferred(ModuleType):
-    """Stands for a module, which is imported when the first of its attributes is asked for."""
+    """A placeholder of a module, which is imported when its first attribute is used."""
 
     def __getattr__(self, name: str) -> object:
         if name.startswith("__"):  # the import system looks for these

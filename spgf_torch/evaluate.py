@@ -8,12 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig
 from spgf_torch.files.given import NONE, check_folder, model_and_judge
 from spgf_torch.paths import find
-from spgf_torch.progress import Stages, show
+from spgf_torch.progress import ProgressReporter, show
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from spgf_torch.evaluation.executed import ObjectOutcome
     from spgf_torch.experiment.describe import Grasps
     from spgf_torch.experiment.execution import Executed
-    from spgf_torch.experiment.loaded_model import Restored
+    from spgf_torch.experiment.loaded_model import LoadedModel
     from spgf_torch.objects.grasp_object import GraspObject
     from spgf_torch.proposing.judge import Judge
 
@@ -45,9 +45,9 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.simulation.execute import Trials
 
     check_device(config.device)
-    stages = Stages()
+    stages = ProgressReporter()
     meets = None if config.model == NONE else models(config)
-    found = read_objects(config, Stages(), Cache.open(config.cache, config.cache_gb))
+    found = read_objects(config, ProgressReporter(), Cache.open(config.cache, config.cache_gb))
     for note in found.notes:
         show(note)
     if found.scans:
@@ -58,11 +58,11 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     known = _known(objects, meets(objects[0]).model if meets else None, judge, config)
     for line in (doubts := known_lines(known, judge, len(objects))):
         show(line)
-    restored = [meets(obj) for obj in objects] if meets else []
+    loaded = [meets(obj) for obj in objects] if meets else []
     if config.candidates == "proposed":
-        grasps, scores = proposed(restored, objects, config, stages, judge)
+        grasps, scores = proposed(loaded, objects, config, stages, judge)
     else:
-        grasps, scores = sampled(restored, objects, config, stages)
+        grasps, scores = sampled(loaded, objects, config, stages)
     each = (time.perf_counter() - start) / len(objects)
 
     trials = Trials(load_hand(config.hand), config.episode)
@@ -139,24 +139,24 @@ def _judged(executed: Sequence[Executed], scores: Sequence[Tensor], config: Eval
     if config.judge is None and not config.table:
         return {}
     chosen = [ran.best["CG"] for ran in executed]
-    held = [ran.success[best].numpy() for ran, best in zip(executed, chosen, strict=True)]
-    said = [score[best].numpy() for score, best in zip(scores, chosen, strict=True)]
-    return judged_results(held, said if config.judge is not None else None, config)
+    success = [ran.success[best].numpy() for ran, best in zip(executed, chosen, strict=True)]
+    probability = [score[best].numpy() for score, best in zip(scores, chosen, strict=True)]
+    return judged_results(success, probability if config.judge is not None else None, config)
 
 
-def models(config: EvaluateConfig) -> Callable[[GraspObject], Restored]:
+def models(config: EvaluateConfig) -> Callable[[GraspObject], LoadedModel]:
     """The model that meets an object: one for all, or with `held_out` one that has not seen it."""
     from spgf_torch.affordance.model import load_model
     from spgf_torch.experiment.held_out import load_fold_models
-    from spgf_torch.experiment.loaded_model import restore
+    from spgf_torch.experiment.loaded_model import loaded_model
 
     run = find(config.model)
     if not config.held_out:
-        one = restore(load_model(run, config.device), config)
+        one = loaded_model(load_model(run, config.device), config)
         return lambda obj: one
     folds = load_fold_models(run, config.device)
-    restored = {fold: restore(model, config) for fold, model in folds.models.items()}
-    return lambda obj: restored[folds.fold_of(obj)]
+    loaded = {fold: loaded_model(model, config) for fold, model in folds.models.items()}
+    return lambda obj: loaded[folds.fold_of(obj)]
 
 
 def learned_from(objects: Sequence[GraspObject], model: GraspModel) -> int:
@@ -167,39 +167,39 @@ def learned_from(objects: Sequence[GraspObject], model: GraspModel) -> int:
 
 
 def sampled(
-    restored: Sequence[Restored], objects: Sequence[GraspObject], config: EvaluateConfig, stages: Stages
+    loaded: Sequence[LoadedModel], objects: Sequence[GraspObject], config: EvaluateConfig, stages: ProgressReporter
 ) -> tuple[list[Grasps], list[Tensor]]:
     """Candidates sampled on the objects' meshes, and their scores."""
     from spgf_torch.experiment.execution import candidate_grasps
 
     grasps = [candidate_grasps(obj, config.samples, config.sampler, config.seed) for obj in objects]
-    described = restored[0].description.describe(objects, grasps, stages)
+    described = loaded[0].describer.describe(objects, grasps, stages)
     with stages.stage("voting", len(objects), "objects") as advance:
         scores = []
-        for model, obj in zip(restored, described, strict=True):
+        for model, obj in zip(loaded, described, strict=True):
             scores.append(model.scores(obj)[config.ranking].cpu())
             advance(1)
     return grasps, scores
 
 
 def proposed(
-    restored: Sequence[Restored],
+    loaded: Sequence[LoadedModel],
     objects: Sequence[GraspObject],
     config: EvaluateConfig,
-    stages: Stages,
+    stages: ProgressReporter,
     judge: Judge | None = None,
 ) -> tuple[list[Grasps], list[Tensor]]:
     """Grasps proposed for what is sensed of the objects, no mesh used, and their scores; random candidates beside.
 
     Args:
-        restored: of each object the model that meets it; none of a judge alone.
+        loaded: of each object the model that meets it; none of a judge alone.
     """
     from spgf_torch.experiment.execution import candidate_grasps, with_random
 
     pairs = []
     with stages.stage("proposing", len(objects), "objects") as advance:
         for index, obj in enumerate(objects):
-            found, score = _proposals(restored[index] if restored else None, obj, config, judge)
+            found, score = _proposals(loaded[index] if loaded else None, obj, config, judge)
             random = candidate_grasps(obj, config.random_trials, config.sampler, config.seed)
             pairs.append(with_random(found, score, random))
             advance(1)
@@ -207,7 +207,7 @@ def proposed(
 
 
 def _proposals(
-    model: Restored | None, obj: GraspObject, config: EvaluateConfig, judge: Judge | None
+    model: LoadedModel | None, obj: GraspObject, config: EvaluateConfig, judge: Judge | None
 ) -> tuple[Grasps, Tensor]:
     """What the judge, or else the model, proposes for an object, alone or on a table, and the scores."""
     from spgf_torch.experiment.describe import Grasps
@@ -233,12 +233,12 @@ def outcomes_of(objects: Sequence[GraspObject], executed: Sequence[Executed], se
 
     outcomes = []
     for obj, ran in zip(objects, executed, strict=True):
-        random = {kind: ran.rate(chosen) for kind, chosen in ran.random.items()}
+        random = {name: ran.rate(chosen) for name, chosen in ran.random.items()}
         random["CG"] = ran.rate(torch.cat(list(ran.random.values())))
-        best = {kind: ran.rate(chosen) for kind, chosen in ran.best.items()}
+        best = {name: ran.rate(chosen) for name, chosen in ran.best.items()}
         outcomes.append(ObjectOutcome(obj.name, obj.category, best, random, seconds))
     return outcomes
 
 
 if __name__ == "__main__":
-    door("evaluate", EvaluateConfig, run)
+    run_command("evaluate", EvaluateConfig, run)

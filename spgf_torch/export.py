@@ -1,15 +1,15 @@
-"""`python -m spgf_torch.export format=...`: a trial table as a data set in other people's formats."""
+"""`python -m spgf_torch.export format=...`: a trial table as a data set in formats of other programs."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.extras import needed
 from spgf_torch.files.given import check_folder
 from spgf_torch.formats.config import ExportConfig, wanted_formats
 from spgf_torch.paths import find
-from spgf_torch.progress import Stages, show
+from spgf_torch.progress import ProgressReporter, show
 
 
 def run(config: ExportConfig, folder: Path) -> None:
@@ -21,12 +21,12 @@ def run(config: ExportConfig, folder: Path) -> None:
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.formats.folder import check_out, replacing
-    from spgf_torch.formats.trial_sets import read_trial_set
+    from spgf_torch.formats.read_trials import read_trial_set
     from spgf_torch.formats.write_datasets import files_table, rates_table, write_formats
 
     out = Path(config.out).expanduser() if config.out else folder / "dataset"
     check_out(out, config.overwrite, [find(config.trials), find(config.objects), Path.cwd()])
-    stages = Stages()
+    stages = ProgressReporter()
     trials = read_trial_set(config, stages)
     for note in trials.notes:
         show(note)
@@ -38,4 +38,4 @@ def run(config: ExportConfig, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    door("export", ExportConfig, run)
+    run_command("export", ExportConfig, run)

@@ -11,7 +11,7 @@ from importlib.util import find_spec
 
 from spgf_torch.errors import InputError
 
-# As it is imported -> as people know it, and the extra in pyproject.toml.
+# As it is imported -> its common name, and the extra in pyproject.toml.
 PACKAGES = {
     "h5py": ("h5py", "export"),
     "plotly": ("plotly", "report"),

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.extras import needed
 from spgf_torch.files.given import check_folder
 from spgf_torch.judging.config import JudgeConfig
-from spgf_torch.progress import Stages, show
+from spgf_torch.progress import ProgressReporter, show
 
 TABLES = {"trials": "the trial tables that simulate leaves", "own_trials": "the tables of own trials that judge leaves"}
 
@@ -32,7 +32,7 @@ def run(config: JudgeConfig, folder: Path) -> None:
     from spgf_torch.judging.validation import executed_table
     from spgf_torch.objects.folders import read_objects
 
-    stages, cache = Stages(plan(config, config.trials is not None)), Cache.open(config.cache, config.cache_gb)
+    stages, cache = ProgressReporter(plan(config, config.trials is not None)), Cache.open(config.cache, config.cache_gb)
     found = read_objects(config, stages, cache)
     for note in found.notes:
         show(note)
@@ -47,4 +47,4 @@ def run(config: JudgeConfig, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    door("judge", JudgeConfig, run)
+    run_command("judge", JudgeConfig, run)

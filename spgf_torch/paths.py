@@ -21,7 +21,7 @@ def find(path: str | Path) -> Path:
         given = Path(path).expanduser()
         shipped = root() / given
         return shipped if not given.exists() and shipped.exists() else given
-    except (OSError, RuntimeError) as error:  # a name too long; ~somebody who is not known here
+    except (OSError, RuntimeError) as error:  # a name too long; ~user of an unknown user
         raise InputError(
             f"{path}: expected a file or folder, got {getattr(error, 'strerror', None) or error}"
         ) from None

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.extras import installed, remedy
 from spgf_torch.files.given import check_files, model_and_judge
 from spgf_torch.hands.config import GRASP_TYPES
-from spgf_torch.progress import Stages, show
+from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.scene.config import PredictConfig
 
 if TYPE_CHECKING:
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 def by_type(grasps: Sequence[Grasp]) -> str:
     """How many there are of each type: `10 NPG, 10 WPG`."""
     counted = Counter(grasp.type for grasp in grasps)
-    return ", ".join(f"{counted[kind]} {kind}" for kind in GRASP_TYPES)
+    return ", ".join(f"{counted[grasp_type]} {grasp_type}" for grasp_type in GRASP_TYPES)
 
 
 def _ranking(predictor: Predictor, votes: Path | None, judge: Path | None, scene: Scene) -> list[str]:
     """What was loaded, which of it ranks, and what the judge knows: a line each."""
     lines = []
     if votes is not None and predictor.model is not None:
-        ranks = "its votes rank" if judge is None else "its votes are told beside each grasp"
+        ranks = "its votes rank" if judge is None else "its votes are shown beside each grasp"
         lines.append(f"model: {votes.resolve()}, K = {len(predictor.model.centres)}; {ranks}")
     if judge is not None:
         lines.append(f"judge: {judge.resolve()}, which ranks, {scene.unseen or 'without unseen space'}")
@@ -64,9 +64,9 @@ def _doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> str 
 
 
 def _write_page(
-    folder: Path, grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, told: Sequence[str | None]
+    folder: Path, grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, lines: Sequence[str | None]
 ) -> None:
-    """The picture and, where plotly is installed, the page, with the lines that are told."""
+    """Write the picture and, where plotly is installed, the page, with `lines`."""
     from spgf_torch.drawing.grasp_page import write_scene_page
     from spgf_torch.drawing.grasp_scene import Beside
     from spgf_torch.drawing.weighed_words import weighed_words
@@ -76,8 +76,8 @@ def _write_page(
     if predictor.judged is not None:
         known = [grasp.numbers for grasp in grasps if grasp.numbers is not None]
         words = tuple(map(weighed_words, weighed(predictor.judged.judge, known)))
-    lines = tuple(line for line in told if line)
-    beside = Beside(scene.obstacles.double().numpy(), scene.table, lines, scene.notes, words)
+    given = tuple(line for line in lines if line)
+    beside = Beside(scene.obstacles.double().numpy(), scene.table, given, scene.notes, words)
     positions, normals = scene.texlets.positions.double().numpy(), scene.texlets.normals.double().numpy()
     pictures = folder / "index.html" if installed("plotly") else None, folder / "grasps.png"
     write_scene_page(*pictures, positions, normals, grasps, predictor.grippers, predictor.names, beside)
@@ -105,7 +105,7 @@ def run(config: PredictConfig, folder: Path) -> None:
     from spgf_torch.predictor import Predictor, sensing_of
     from spgf_torch.scene.assembly import read_scene
 
-    stages = Stages()
+    stages = ProgressReporter()
     check_device(config.device)
     sensing = sensing_of(votes, judge)
     with stages.stage("scene", 1, "input") as advance:
@@ -142,4 +142,4 @@ def run(config: PredictConfig, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    door("predict", PredictConfig, run)
+    run_command("predict", PredictConfig, run)

@@ -53,7 +53,7 @@ class Predictor:
     """What was learned for a hand, and the hand.
 
     Attributes:
-        model: the votes' model; with it `proposer`; None: of a judge alone, beside whose grasps no votes are told.
+        model: the votes' model; with it `proposer`; None: of a judge alone, whose grasps come without votes.
         sensing: how the training objects were sensed: spacing of texlets.
         grippers: grasp type -> the open hand.
         retreat: m between pregrasp and grasp.
@@ -81,7 +81,7 @@ class Predictor:
             judge: the folder of a judge of this hand that proposes; None: the one in `folder`, if it holds one; `none`:
                 the votes propose.
 
-        Raises InputError where there is none, the hand's URDF is not here, or the judge is of another hand.
+        Raises InputError where there is none, the hand's URDF is missing, or the judge is of another hand.
         """
         check_device(device)
         votes, ranks = model_and_judge(folder, judge)
@@ -90,7 +90,7 @@ class Predictor:
         model = None if votes is None else load_model(votes, device)
         hand = (model or its_judge).settings["hand"]  # type: ignore[union-attr]
         grippers = grippers_of(load_hand(typed(HandConfig, hand)))
-        volumes = {kind: hand_volume(gripper.shapes) for kind, gripper in grippers.items()}
+        volumes = {grasp_type: hand_volume(gripper.shapes) for grasp_type, gripper in grippers.items()}
         if model is None:
             judged = JudgedProposer.alone(its_judge, volumes, config)  # type: ignore[arg-type]
             return Predictor(None, sensing, grippers, None, retreat, judged)
@@ -100,7 +100,7 @@ class Predictor:
     def ready(self) -> Predictor:
         """Do now what the first prediction would do besides: tables of the model, and compiled loops; seconds."""
         if (proposer := self.proposer) is not None:
-            _ = proposer.index, proposer.shortlist, proposer.moves
+            _ = proposer.index, proposer.grasp_seeds, proposer.moves
         self.predict(block(self.sensing.spacing))
         return self
 
@@ -188,10 +188,10 @@ class Predictor:
     def grasps(self, proposals: Proposals, top: int) -> list[Grasp]:
         """The best of the proposals, with everything that a robot needs."""
         kept = sorted({i for indices in proposals.best(top).values() for i in indices.tolist()})
-        kinds, found = list(self.grippers), []
+        grasp_types, found = list(self.grippers), []
         for i in kept:
             grasp = make_grasp(
-                self.grippers[kinds[int(proposals.grasp_type[i])]],
+                self.grippers[grasp_types[int(proposals.grasp_type[i])]],
                 proposals.T_object_tcp[i].cpu().numpy(),
                 float(proposals.probability[i]),
                 int(proposals.support[i]),
@@ -212,8 +212,8 @@ def sensing_of(model: Path | None, judge: Path | None) -> SensingConfig:
     if model is not None:
         return typed(SensingConfig, model_settings(model)["sensing"])
     assert judge is not None
-    told = load_judge(judge).settings.get("sensing")
-    return settings(SensingConfig) if told is None else typed(SensingConfig, told)
+    known = load_judge(judge).settings.get("sensing")
+    return settings(SensingConfig) if known is None else typed(SensingConfig, known)
 
 
 def _with_votes(judge: Judge | None, proposer: Proposer) -> JudgedProposer | None:

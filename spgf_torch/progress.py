@@ -30,8 +30,8 @@ def take_turns(label: str) -> None:
     _label = label
 
 
-class Stages:
-    """Stages of a run: a bar with an estimate in a terminal, lines now and then elsewhere.
+class ProgressReporter:
+    """ProgressReporter of a run: a bar with an estimate in a terminal, lines now and then elsewhere.
 
     `seconds` holds the wall time of every stage so far; stages of the same name add up.
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.extras import needed
-from spgf_torch.progress import Stages, show
+from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.reporting.config import ReportConfig
 
 
@@ -16,7 +16,7 @@ def run(config: ReportConfig, folder: Path) -> None:
 
     from spgf_torch.reporting.data.runs import Notes, load_runs
 
-    notes, stages = Notes(), Stages()
+    notes, stages = Notes(), ProgressReporter()
     runs = load_runs(config.runs, notes, pictured=True)
 
     from spgf_torch.reporting.pages.build import (
@@ -30,4 +30,4 @@ def run(config: ReportConfig, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    door("report", ReportConfig, run)
+    run_command("report", ReportConfig, run)

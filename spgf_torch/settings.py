@@ -1,7 +1,7 @@
 """Typed settings: ranges and choices of values, defaults from `conf/`, and the wording of what is wrong with them.
 
-The values live in `conf/` (one YAML file a room, each value with its reason); the dataclasses in the rooms' `config.py`
-give each key a type and a range. `FeatureConfig()` has the default values, read without Hydra;
+The values live in `conf/` (one YAML file a sub-package, each value with its reason); the dataclasses in their
+`config.py` give each key a type and a range. `FeatureConfig()` has the default values, read without Hydra;
 `settings(FeatureConfig, radius=0.02)` checks what is changed.
 
 Lengths are metres, masses kilograms, times seconds; angles are degrees in settings (and only there).
@@ -76,7 +76,7 @@ def _values(path: str) -> dict[str, Any]:
 
 
 def _given(kind: Any, values: Any, prefix: str) -> None:
-    """InputError for the first required field of a dataclass that `values` lack, here or further in."""
+    """InputError for the first required field of a dataclass that `values` lack, at any depth."""
     if is_dataclass(values):  # an instance: its fields are set
         return
     types = get_type_hints(kind)
@@ -89,7 +89,7 @@ def _given(kind: Any, values: Any, prefix: str) -> None:
 
 
 def settings(kind: type[T], **changes: Any) -> T:
-    """The default settings of a room, read from `conf/` without Hydra, with `changes` applied."""
+    """Read the default settings of a sub-package from `conf/` without Hydra, with `changes` applied."""
     given = {key: _python(value) for key, value in changes.items()}
     return typed(kind, {**_values(kind.DEFAULTS), **given})  # type: ignore[attr-defined]
 

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING
 
 from omegaconf import OmegaConf
 
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.errors import IncompleteError, InputError
 from spgf_torch.extras import needed
 from spgf_torch.files.given import check_folder
-from spgf_torch.progress import Stages, show
+from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.settings import plain
 from spgf_torch.simulation.config import SimulateConfig
 
 if TYPE_CHECKING:
     from spgf_torch.objects.grasp_object import GraspObject
-    from spgf_torch.simulation.executors import Runner
-    from spgf_torch.simulation.run_state import Journal
+    from spgf_torch.simulation.executors import Executor
+    from spgf_torch.simulation.run_state import RunState
 
-SHOWN = 5  # objects that failed and incidents told one by one; the manifest has all
+SHOWN = 5  # objects that failed and incidents printed one by one; the manifest has all
 
 
 def run(config: SimulateConfig, folder: Path) -> None:
@@ -38,40 +38,40 @@ def run(config: SimulateConfig, folder: Path) -> None:
     from spgf_torch.files.writing import write_bytes
     from spgf_torch.hands.hand import load_hand
     from spgf_torch.objects.folders import read_objects
-    from spgf_torch.simulation.attempts import Trials
-    from spgf_torch.simulation.execute import made_with, origin
-    from spgf_torch.simulation.generation import Campaign, Plan, finished
-    from spgf_torch.simulation.run_state import Journal, rows_of
+    from spgf_torch.simulation.execute import made_with, provenance_of
+    from spgf_torch.simulation.generation import Generation, Plan, finished
+    from spgf_torch.simulation.run_state import RunState, rows_of
+    from spgf_torch.simulation.worker import Trials
 
     share, out = share_of(config), Path(config.out) if config.out else folder
-    stages = Stages()
+    stages = ProgressReporter()
     found = read_objects(config, stages)
     for note in found.notes:
         show(note)
     objects = found.objects[share[0] - 1 :: share[1]]
     trials = Trials(load_hand(config.hand), config.episode)
-    origins = [origin(obj, trials, config.sampler, config.candidates, config.seed) for obj in objects]
-    there = finished(out, origins)
-    runner = runner_of(config)
-    journal = Journal(out, share, made_with(trials, config.sampler, config.candidates, config.seed))
-    journal.left_out = [note for note in found.notes if note.startswith("left out: ")]
+    provenances = [provenance_of(obj, trials, config.sampler, config.candidates, config.seed) for obj in objects]
+    there = finished(out, provenances)
+    executor = executor_of(config)
+    run_state = RunState(out, share, made_with(trials, config.sampler, config.candidates, config.seed))
+    run_state.left_out = [note for note in found.notes if note.startswith("left out: ")]
     try:
-        with journal.open(origins):
+        with run_state.open(provenances):
             write_bytes(out / "config.yaml", sealed_yaml(OmegaConf.to_yaml(OmegaConf.create(plain(config)))))
             for its in there:
-                journal.done(its)
-            waiting = [pair for pair in zip(objects, origins, strict=True) if pair[1] not in there]
+                run_state.done(its)
+            waiting = [pair for pair in zip(objects, provenances, strict=True) if pair[1] not in there]
             with stages.stage("trials", sum(rows_of(its) for _, its in waiting), "candidates") as advance:
-                campaign = Campaign(journal, Plan(trials, config.chunk, config.failed_as), advance)
-                campaign.run(waiting, runner)
+                generation = Generation(run_state, Plan(trials, config.chunk, config.failed_as), advance)
+                generation.run(waiting, executor)
     except OSError as error:
-        kept = f"{journal.trials} candidates are kept there, the same call with out={out} goes on"
+        kept = f"{run_state.trials} candidates are kept there, the same call with out={out} goes on"
         raise IncompleteError(f"{out}: expected room to write, got {error.strerror or error}; {kept}") from error
     tables = _show_rates(out, objects)
-    if campaign.trials:
-        show(f"{campaign.trials / stages.seconds['trials']:.0f} candidates/s")
+    if generation.trials:
+        show(f"{generation.trials / stages.seconds['trials']:.0f} candidates/s")
     show(f"{tables} files in {out}")
-    _tell(journal, objects)
+    _tell(run_state, objects)
 
 
 def share_of(config: SimulateConfig) -> tuple[int, int]:
@@ -90,13 +90,13 @@ def share_of(config: SimulateConfig) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-def runner_of(config: SimulateConfig) -> Runner:
-    """Where the trials run."""
-    from spgf_torch.simulation.executors import Dask, Local
+def executor_of(config: SimulateConfig) -> Executor:
+    """Return the executor of the trials."""
+    from spgf_torch.simulation.executors import DaskExecutor, ProcessExecutor
 
     if config.address:
-        return Dask(config.address, config.time_limit)
-    return Local(config.workers, config.time_limit)
+        return DaskExecutor(config.address, config.time_limit)
+    return ProcessExecutor(config.workers, config.time_limit)
 
 
 def _show_rates(out: Path, objects: Sequence[GraspObject]) -> int:
@@ -115,30 +115,29 @@ def _show_rates(out: Path, objects: Sequence[GraspObject]) -> int:
     return len(rows)
 
 
-def _tell(journal: Journal, objects: Sequence[GraspObject]) -> None:
+def _tell(run_state: RunState, objects: Sequence[GraspObject]) -> None:
     """What went wrong, a line each. Raises IncompleteError if anything did."""
     from spgf_torch.progress import console  # not above: submitit pickles this module's globals, a console has locks
 
-    entries = {obj.name: journal.objects.get(obj.name, {}) for obj in objects}
+    entries = {obj.name: run_state.objects.get(obj.name, {}) for obj in objects}
     failed = [f"{name}: {entry['reason']}" for name, entry in entries.items() if "reason" in entry]
     stood_for = sum(len(entry.get("failures", [])) for entry in entries.values() if entry.get("state") == "done")
-    told = [*journal.left_out, *failed, *journal.incidents]
-    for line in told[:SHOWN]:
+    lines = [*run_state.left_out, *failed, *run_state.incidents]
+    for line in lines[:SHOWN]:
         console.print(line)
-    if len(told) > SHOWN:
-        console.print(f"and {len(told) - SHOWN} more")
-    if told or stood_for:
+    if len(lines) > SHOWN:
+        console.print(f"and {len(lines) - SHOWN} more")
+    if lines or stood_for:
         counts = {
-            "objects left out": len(journal.left_out),
+            "objects left out": len(run_state.left_out),
             "objects without a table": len(failed),
             "trials without an outcome of their own": stood_for,
-            "incidents": len(journal.incidents),
+            "incidents": len(run_state.incidents),
         }
         words = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
-        raise IncompleteError(
-            f"{words}: {journal.path} says why; the same call with out={journal.folder} tries again what has no outcome"
-        )
+        again = f"the same call with out={run_state.folder} tries again what has no outcome"
+        raise IncompleteError(f"{words}: {run_state.path} says why; {again}")
 
 
 if __name__ == "__main__":
-    door("simulate", SimulateConfig, run)
+    run_command("simulate", SimulateConfig, run)

@@ -118,7 +118,7 @@ def _own(stream: TextIO | None, number: int, python_s: TextIO | None) -> TextIO 
 def ended_by_signals() -> Iterator[None]:
     """SIGTERM and SIGHUP raise `Ended` in the main thread, as Ctrl-C raises KeyboardInterrupt; nohup's are ignored."""
     before: dict[int, Any] = {}
-    with suppress(ValueError):  # not the main thread: signals are somebody else's
+    with suppress(ValueError):  # not the main thread: signals belong to another
         for number in ENDING:
             if signal.getsignal(number) == signal.SIG_DFL:
                 before[number] = signal.signal(number, _end)

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from spgf_torch.affordance.config import JUDGE
-from spgf_torch.cli.door import door, write_settings
+from spgf_torch.cli.command import run_command, write_settings
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.extras import needed
 from spgf_torch.files.given import check_folder
 from spgf_torch.paths import root
-from spgf_torch.progress import Stages, show
+from spgf_torch.progress import ProgressReporter, show
 
 if TYPE_CHECKING:
     from spgf_torch.cache import Cache
@@ -49,7 +49,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.objects.folders import read_objects
 
     check_device(config.device)
-    start, stages = time.perf_counter(), Stages()
+    start, stages = time.perf_counter(), ProgressReporter()
     cache = Cache.open(config.cache, config.cache_gb)
     found = read_objects(config, stages, cache)
     for note in found.notes:
@@ -94,7 +94,9 @@ def _check_judge(config: TrainConfig) -> None:
         check_folder("own_trials", config.own_trials, "the tables of own trials that judge=learn leaves")
 
 
-def _course(objects: Sequence[GraspObject], config: TrainConfig, cache: Cache, stages: Stages) -> Course | None:
+def _course(
+    objects: Sequence[GraspObject], config: TrainConfig, cache: Cache, stages: ProgressReporter
+) -> Course | None:
     """How a judge is learned, if one is asked for; InputError where the settings do not go together."""
     if config.judge == "none":
         return None
@@ -118,7 +120,7 @@ def _tables(
     """
     from spgf_torch.experiment.labelled_grasps import tables_of
     from spgf_torch.hands.hand import load_hand
-    from spgf_torch.simulation.attempts import Trials
+    from spgf_torch.simulation.worker import Trials
 
     try:
         return tables_of(objects, config.trials, Trials(load_hand(config.hand), config.episode), config.sampler), False
@@ -140,48 +142,47 @@ def _votes(
     design: Design,
     tables: Sequence[TrialTable],
     cache: Cache,
-    stages: Stages,
+    stages: ProgressReporter,
 ) -> dict[str, Any]:
     """The paper's experiment on these trials: its results; the model and what was predicted are written."""
     from spgf_torch.affordance.model import save_model
     from spgf_torch.evaluation.card import model_card
-    from spgf_torch.evaluation.files import write_per_object, write_predictions
-    from spgf_torch.evaluation.novel import novel_objects
+    from spgf_torch.evaluation.files import write_per_object
+    from spgf_torch.evaluation.predictions import Predictions, write_predictions
     from spgf_torch.evaluation.results import build_results
     from spgf_torch.experiment.costs import prediction_ms
-    from spgf_torch.experiment.describe import Description
+    from spgf_torch.experiment.describe import Describer
     from spgf_torch.experiment.experiment import Experiment
     from spgf_torch.experiment.held_out import save_fold_models
-    from spgf_torch.experiment.labelled_grasps import Tried, dataset_digest, open_hand
-    from spgf_torch.experiment.training_set import Example
+    from spgf_torch.experiment.labelled_grasps import dataset_digest, open_hand
     from spgf_torch.files.writing import write_text
 
-    tried = [Tried.of(table) for table in tables]
     volumes = open_hand(config.hand)
-    describe = Description(
+    describer = Describer(
         config.sensing, config.features, config.affordance, volumes, config.seed, config.device, cache
     )
-    described = describe.describe(objects, [t.grasps for t in tried], stages)
-    examples = [Example(d, t.success.to(config.device)) for d, t in zip(described, tried, strict=True)]
+    described = describer.describe(objects, tables, stages)
+    examples = [obj.with_success(table.success) for obj, table in zip(described, tables, strict=True)]
     learned = Experiment.of(config, design, objects, examples, cache).run(stages)
-    predicted = learned.predicted
+    scores = learned.scores
     if config.ranking == JUDGE:
         from spgf_torch.judging.candidates import CandidateRanking  # brings scikit-learn
 
-        scores = CandidateRanking.of(config, cache).scores(design, objects, tried, examples, stages)
-        predicted = [each.joined_by(JUDGE, score) for each, score in zip(predicted, scores, strict=True)]
+        judged = CandidateRanking.of(config, cache).scores(design, objects, tables, examples, stages)
+        scores = [each.joined_by(JUDGE, score) for each, score in zip(scores, judged, strict=True)]
 
-    novel, model = novel_objects(objects, tried, predicted, design.fold), learned.model
-    results = build_results(novel, config, dataset_digest(objects, tried)) | {"from_cache": dict(cache.hits)}
+    rows = zip(objects, tables, scores, design.fold.tolist(), strict=True)
+    predictions, model = [Predictions.of(*row) for row in rows], learned.model
+    results = build_results(predictions, config, dataset_digest(objects, tables)) | {"from_cache": dict(cache.hits)}
     if model is not None:
         size = save_model(model, folder)
-        results["costs"] = {"model_bytes": size, "prediction_ms": prediction_ms(model, describe, objects, tried)}
-        trials = sum(len(t.success) for t in tried)
+        results["costs"] = {"model_bytes": size, "prediction_ms": prediction_ms(model, describer, objects, tables)}
+        trials = sum(map(len, tables))
         write_text(folder / "README.md", model_card(results, config, len(objects), trials, size))
     if learned.of_fold:
         save_fold_models(learned.of_fold, objects, design.fold.tolist(), folder)
-    write_per_object(folder / "per_object.csv", novel, config.N)
-    write_predictions(folder / "predictions.parquet", novel)
+    write_per_object(folder / "per_object.csv", predictions, config.N)
+    write_predictions(folder / "predictions.parquet", predictions)
     return results
 
 
@@ -220,4 +221,4 @@ def _design(objects: Sequence[GraspObject], config: TrainConfig) -> Design:
 
 
 if __name__ == "__main__":
-    door("train", TrainConfig, run)
+    run_command("train", TrainConfig, run)

@@ -1,1 +1,1 @@
-"""Makes `tests/` importable: what test files of several rooms share stands in `doors.py`."""
+"""Makes `tests/` importable: what test files of several sub-packages share stands beside this file."""

@@ -4,7 +4,7 @@ import re
 
 import pytest
 import yaml
-from doors import ROOT
+from commands import ROOT
 
 import spgf_torch
 

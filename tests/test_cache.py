@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch import cache as module
-from spgf_torch.cache import Cache, fingerprint, program, trim
+from spgf_torch.cache import Cache, code_fingerprint, fingerprint, trim
 
 
 class Maker:
@@ -232,23 +232,32 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (package / "far.py").write_text("from toy.start import near\n")
     (package / "other.py").write_text("")
     monkeypatch.setattr(module, "PACKAGE", package)
-    program.cache_clear()
+    code_fingerprint.cache_clear()
     yield package
-    program.cache_clear()
+    code_fingerprint.cache_clear()
 
 
 @pytest.mark.parametrize(
     ("file", "changes"),
     [("start", True), ("inner/near", True), ("inner/__init__", True), ("far", True), ("other", False)],
 )
-def test_a_changed_program_is_another_program(toy: Path, file: str, changes: bool) -> None:
-    before = program("toy.start")
+def test_changed_code_has_another_fingerprint(toy: Path, file: str, changes: bool) -> None:
+    before = code_fingerprint("toy.start")
     path = toy / f"{file}.py"
     path.write_text(path.read_text() + "# changed\n")
-    program.cache_clear()
-    assert (program("toy.start") != before) == changes
+    code_fingerprint.cache_clear()
+    assert (code_fingerprint("toy.start") != before) == changes
 
 
-def test_a_program_of_another_package_is_refused() -> None:
+def test_code_of_another_package_is_refused() -> None:
     with pytest.raises(ValueError, match="numpy"):
-        program("numpy")
+        code_fingerprint("numpy")
+
+
+@pytest.mark.parametrize("library", ["torch", "numba", "llvmlite"])
+def test_an_upgraded_library_changes_the_fingerprint(library: str, toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compiled loops compute what is kept, so that numba's versions are part of a key as torch's are."""
+    before, version = code_fingerprint("toy.start"), module.version
+    monkeypatch.setattr(module, "version", lambda name: f"{version(name)}.1" if name == library else version(name))
+    code_fingerprint.cache_clear()
+    assert code_fingerprint("toy.start") != before

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from spgf_torch.baselines.config import BaselineConfig
+from spgf_torch.cli.command import _config, slug
 from spgf_torch.cli.command_line import translated
-from spgf_torch.cli.door import _config, slug
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
 from spgf_torch.formats.config import ExportConfig

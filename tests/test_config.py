@@ -1,4 +1,4 @@
-"""Settings: every room's defaults load, wrong ones are told in one line, the doors' configs compose."""
+"""Settings: every room's defaults load, wrong ones are told in one line, the commands' configs compose."""
 
 from dataclasses import fields
 from pathlib import Path
@@ -9,7 +9,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from spgf_torch.affordance.config import AffordanceConfig
-from spgf_torch.cli.door import slug
+from spgf_torch.cli.command import slug
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
 from spgf_torch.features.config import FeatureConfig
@@ -90,7 +90,7 @@ def test_without_k_there_are_20_prototypes() -> None:
     assert values["K"] == "???" and values["prototypes"]["num_clusters"] == 20
 
 
-def test_doors_compose() -> None:
+def test_commands_compose() -> None:
     assert typed(TrainConfig, composed("train", "K=20")).features == settings(FeatureConfig)
     assert typed(SimulateConfig, composed("simulate")).candidates == 1000
     assert typed(EvaluateConfig, composed("evaluate", "objects=x")).N == 10

@@ -7,12 +7,12 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from doors import ROOT, python
+from commands import ROOT, python
 
 from spgf_torch.errors import InputError
 from spgf_torch.extras import PACKAGES, installed, needed
 from spgf_torch.formats.acronym import read_acronym
-from spgf_torch.simulation.executors import Dask
+from spgf_torch.simulation.executors import DaskExecutor
 
 # Command, its settings, the package that is not there, the line.
 CALLS = [
@@ -65,7 +65,7 @@ def test_the_library_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with pytest.raises(InputError, match=r"a.h5: expected h5py \(pip install 'spgf-torch\[export\]'\), got no such"):
         read_acronym(tmp_path / "a.h5")
     with pytest.raises(InputError, match=r"runner: dask expected Dask \(pip install 'spgf-torch\[cluster\]'\)"):
-        Dask("tcp://127.0.0.1:9")
+        DaskExecutor("tcp://127.0.0.1:9")
 
 
 def test_what_is_installed_is_not_asked_for() -> None:

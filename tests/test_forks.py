@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from doors import python
+from commands import python
 
 CODE = """
 import os, signal, sys

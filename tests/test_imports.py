@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 import torch
-from doors import ROOT, python
+from commands import ROOT, python
 
 from spgf_torch.affordance.calibration import uncalibrated
 from spgf_torch.affordance.config import AffordanceConfig
-from spgf_torch.affordance.model import GraspModel, lattice_of, save_model
+from spgf_torch.affordance.model import GraspModel, grid_of, save_model
 from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.hands.config import HandConfig
@@ -62,7 +62,7 @@ def votes(folder: Path, K: int = 3) -> Path:
     condensed = Condensed(torch.zeros(2 * K + 1, dtype=torch.int64), nothing.int(), nothing, nothing, base_rate)
     rooms = {"sensing": SensingConfig, "features": FeatureConfig, "prototypes": PrototypeConfig, "hand": HandConfig}
     said = {name: plain(settings(kind)) for name, kind in (rooms | {"affordance": AffordanceConfig}).items()}
-    lattice = lattice_of(settings(AffordanceConfig))
+    lattice = grid_of(settings(AffordanceConfig))
     save_model(GraspModel(torch.zeros(K, 144), condensed, lattice, uncalibrated(base_rate), said), folder)
     return folder
 
@@ -94,7 +94,7 @@ NOT_YET = (
 )
 COUNT = """
 import runpy, sys
-sys.argv = ["door", *sys.argv[2:]]
+sys.argv = ["command", *sys.argv[2:]]
 try:
     runpy.run_module("spgf_torch.{command}", run_name="__main__")
 except SystemExit as left:
@@ -128,7 +128,7 @@ def test_what_is_not_there_is_told_before_anything_heavy_is_loaded(
 ) -> None:
     (tmp_path / "empty").touch()
     (tmp_path / "model.json").write_text("{}")
-    done = python("-c", COUNT.format(command=command, modules=NOT_YET), "door", *overrides, cwd=tmp_path)
+    done = python("-c", COUNT.format(command=command, modules=NOT_YET), "command", *overrides, cwd=tmp_path)
     assert done.stdout == "2\n" and len(done.stderr.splitlines()) == 1, (done.stdout, done.stderr)
     assert overrides[-1].partition("=")[2].strip("[]").split(",")[0].split(".")[0] in done.stderr
 

@@ -8,11 +8,11 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from doors import python
+from commands import python
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from spgf_torch.cli.door import slug
+from spgf_torch.cli.command import slug
 from spgf_torch.cli.multirun import lines
 
 ROOT = Path(__file__).parents[1]
@@ -30,11 +30,11 @@ TINY = [
     "prototypes.restarts=2",
     "prototypes.subsample=1000",
 ]
-# A door as ours are, whose room is empty: the launchers are what is tested.
+# A command like ours that does nothing: the launchers are what is tested.
 TOY = """
 import json, sys
 from pathlib import Path
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.experiment.config import TrainConfig
 
 def run(config: TrainConfig, folder: Path) -> None:
@@ -44,7 +44,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     (folder / "results.json").write_text(json.dumps(results))
 
 if __name__ == "__main__":
-    door("train", TrainConfig, run)
+    run_command("train", TrainConfig, run)
 """
 
 

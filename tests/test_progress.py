@@ -3,14 +3,14 @@
 import pytest
 
 from spgf_torch import progress
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 
 
 def test_what_is_left_of_all_stages(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
     """Ten seconds a share; what was kept, not needed or not planned takes no part."""
     clock = [0.0]
     monkeypatch.setattr(progress.time, "perf_counter", lambda: clock[0])
-    stages = Stages([("kept", 5.0), ("work", 3.0), ("skipped", 7.0), ("work", 4.0), ("last", 2.0)])
+    stages = ProgressReporter([("kept", 5.0), ("work", 3.0), ("skipped", 7.0), ("work", 4.0), ("last", 2.0)])
 
     def run(name: str, seconds: float) -> str:
         with stages.stage(name, 2) as advance:

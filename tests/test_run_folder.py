@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import pytest
-from doors import python
+from commands import python
 
 TOY = """
 import sys
 from pathlib import Path
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.progress import show
@@ -20,7 +20,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     show(f"in {folder}")
 
 if __name__ == "__main__":
-    door("train", TrainConfig, run)
+    run_command("train", TrainConfig, run)
 """
 
 

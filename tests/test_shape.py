@@ -4,7 +4,7 @@ import ast
 from collections.abc import Iterator
 
 import pytest
-from doors import ROOT
+from commands import ROOT
 
 MOST_ARGUMENTS, MOST_LINES = 8, 50
 

@@ -8,14 +8,14 @@ import time
 from pathlib import Path
 
 import pytest
-from doors import ROOT, python
+from commands import ROOT, python
 
 from spgf_torch import __version__
 
 TOY = """
 import sys, time
 from pathlib import Path
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 from spgf_torch.reporting.config import ReportConfig
 from spgf_torch.progress import console, show
 
@@ -31,7 +31,7 @@ def run(config: ReportConfig, folder: Path) -> None:
     show("the last line: größe 測 [/bold]")
 
 if __name__ == "__main__":
-    door("report", ReportConfig, run)
+    run_command("report", ReportConfig, run)
 """
 
 

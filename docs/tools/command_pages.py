@@ -19,7 +19,7 @@ from unittest.mock import patch
 import yaml
 
 from spgf_torch.__main__ import COMMANDS
-from spgf_torch.cli import door as cli
+from spgf_torch.cli import command as cli
 from spgf_torch.cli.command_line import ALIASES
 
 CONF = Path(__file__).parents[2] / "conf"
@@ -48,11 +48,11 @@ class SettingsFile:
 
 @cache
 def kind_of(command: str) -> type:
-    """The dataclass of a command's settings: what its module hands to `cli.door`."""
+    """The dataclass of a command's settings: what its module hands to `cli.run_command`."""
     found: list[type] = []
     module = importlib.util.find_spec(f"spgf_torch.{command}")
     assert module is not None and module.origin is not None
-    with patch.object(cli, "door", lambda command, kind, run: found.append(kind)):
+    with patch.object(cli, "run_command", lambda command, kind, run: found.append(kind)):
         runpy.run_path(module.origin, run_name="__main__")
     return found[0]
 

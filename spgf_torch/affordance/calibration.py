@@ -41,9 +41,9 @@ def uncalibrated(base_rate: Tensor) -> Calibration:
 
 def fit_calibration(score: Tensor, grasp_type: Tensor, collides: Tensor, success: Tensor) -> Calibration:
     """Platt scaling on held-out grasps: score (G,) f32, grasp_type (G,) int64, collides (G,) and success (G,) bool."""
-    terms, held = _terms(score, collides).double().cpu().numpy(), success.cpu().numpy()
+    terms, outcomes = _terms(score, collides).double().cpu().numpy(), success.cpu().numpy()
     types = grasp_type.cpu().numpy()
-    rows = [_logistic(terms[types == code], held[types == code]) for code in range(len(GRASP_TYPES))]
+    rows = [_logistic(terms[types == code], outcomes[types == code]) for code in range(len(GRASP_TYPES))]
     return Calibration(torch.from_numpy(np.stack(rows)).float())
 
 
@@ -53,11 +53,11 @@ def _terms(score: Tensor, collides: Tensor) -> Tensor:
     return torch.stack([torch.ones_like(known), known, collides.to(known.dtype), silent.to(known.dtype)], dim=1)
 
 
-def _logistic(terms: np.ndarray, held: np.ndarray) -> np.ndarray:
+def _logistic(terms: np.ndarray, success: np.ndarray) -> np.ndarray:
     """Weights (T,) that minimise the negative log-likelihood plus the prior: convex, one minimum."""
     from scipy.optimize import minimize  # half a second, which asking a model does not need
 
-    sign = np.where(held, 1.0, -1.0)
+    sign = np.where(success, 1.0, -1.0)
 
     def loss(weights: np.ndarray) -> tuple[float, np.ndarray]:
         margin = sign * (terms @ weights)

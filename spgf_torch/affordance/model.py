@@ -22,7 +22,7 @@ from torch import Tensor
 from spgf_torch.affordance.calibration import TERMS, Calibration, uncalibrated
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.neighbourhood import Condensed, condense
-from spgf_torch.affordance.pairs import CellPairs, lattice_of, points_of, shape_grasp_particles
+from spgf_torch.affordance.pairs import CellPairs, grid_of, shape_grasp_particles
 from spgf_torch.affordance.voting import Votes, VotingIndex, cast_votes
 from spgf_torch.errors import InputError
 from spgf_torch.features.config import FeatureConfig
@@ -30,7 +30,7 @@ from spgf_torch.features.descriptors import width
 from spgf_torch.files.reading import existing, json_values, unreadable
 from spgf_torch.files.sealing import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
 from spgf_torch.files.writing import write_bytes
-from spgf_torch.geometry.lattice import Kernel, Lattice, gaussian_kernel
+from spgf_torch.geometry.se3_grid import Kernel, SE3Grid, gaussian_kernel
 from spgf_torch.hands.config import GRASP_TYPES, HandConfig
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.sensing.config import SensingConfig
@@ -42,7 +42,15 @@ FORMAT = "spgf_torch model"
 SCHEMA = 2
 DIGEST = "tensors_sha256"  # key in model.json: SHA-256 of model.safetensors
 LARGEST_HEADER = 1_000_000  # bytes in which model.safetensors says what is in it
-_TENSORS = ("centres", "calibration", "slice_start", "cell", "probability", "support", "base_rate")
+# Tensors of a model in the file; partitions were called slices when the format was made.
+_CONDENSED = {
+    "slice_start": "partition_start",
+    "cell": "cell",
+    "probability": "probability",
+    "support": "support",
+    "base_rate": "base_rate",
+}
+_TENSORS = ("centres", "calibration", *_CONDENSED)
 
 
 # What model.json must say: the settings of the rooms that made the model.
@@ -65,14 +73,14 @@ class GraspModel:
     Attributes:
         centres (K, D) f32: the prototypes.
         condensed: condensed shape-grasp particles.
-        lattice: the cells that `condensed.cell` counts.
+        grid: the cells that `condensed.cell` counts.
         calibration: from a grasp's log-odds score to its probability of success.
         settings: the resolved settings of the rooms that made it, as plain values.
     """
 
     centres: Tensor
     condensed: Condensed
-    lattice: Lattice
+    grid: SE3Grid
     calibration: Calibration
     settings: dict[str, Any] = field(default_factory=dict)
 
@@ -95,7 +103,7 @@ class GraspModel:
 
 def kernel_of(config: AffordanceConfig) -> Kernel:
     """The neighbourhood that the settings describe."""
-    return gaussian_kernel(lattice_of(config), config.kernel, config.kernel_deg)
+    return gaussian_kernel(grid_of(config), config.kernel, config.kernel_deg)
 
 
 def learn(
@@ -108,10 +116,10 @@ def learn(
             grasps (G,) bool.
         centres: (K, D) f32 prototypes.
     """
-    lattice, kernel = lattice_of(config), kernel_of(config)
+    grid, kernel = grid_of(config), kernel_of(config)
     parts = [shape_grasp_particles(pairs, ids, success) for pairs, ids, success in examples]
-    condensed = condense(parts, len(centres), lattice, kernel, config.min_support)
-    return GraspModel(centres, condensed, lattice, uncalibrated(condensed.base_rate))
+    condensed = condense(parts, len(centres), grid, kernel, config.min_support)
+    return GraspModel(centres, condensed, grid, uncalibrated(condensed.base_rate))
 
 
 def vote(index: VotingIndex, pairs: CellPairs, ids: Tensor) -> Votes:
@@ -128,11 +136,11 @@ def vote(index: VotingIndex, pairs: CellPairs, ids: Tensor) -> Votes:
     >>> grasps[:, :3, 3] = torch.tensor([[0.0, 0.0, 0.05], [0.05, 0.0, 0.0]])
     >>> pairs = cell_pairs(feature, grasps, torch.tensor([0, 0]), config)
     >>> model = learn([(pairs, ids, torch.tensor([True, False]))], torch.zeros(1, 144), config)
-    >>> votes = vote(VotingIndex(model.condensed, model.lattice), pairs, ids)
+    >>> votes = vote(VotingIndex(model.condensed, model.grid), pairs, ids)
     >>> votes.grasp, votes.probability
     (tensor([0, 1]), tensor([1., 0.]))
     """
-    return cast_votes(index, points_of(pairs, ids), pairs.grasp)
+    return cast_votes(index, shape_grasp_particles(pairs, ids), pairs.grasp)
 
 
 def save_model(model: GraspModel, folder: Path) -> int:
@@ -141,11 +149,11 @@ def save_model(model: GraspModel, folder: Path) -> int:
     Where only the first was written, the pair does not fit: `load_model` refuses it.
     """
     condensed = model.condensed
-    tensors = {name: getattr(condensed, name) for name in _TENSORS[2:]}
+    tensors = {key: getattr(condensed, name) for key, name in _CONDENSED.items()}
     tensors |= {"centres": model.centres, "calibration": model.calibration.weights}
     content = sealed(save({name: t.contiguous().cpu() for name, t in tensors.items()}, {KEY: BLANK.decode()}))
     write_bytes(folder / "model.safetensors", content)
-    lattice, digest = _lattice_section(model.lattice), hashlib.sha256(content).hexdigest()
+    lattice, digest = _lattice_section(model.grid), hashlib.sha256(content).hexdigest()
     document = {"format": FORMAT, "schema": SCHEMA, "lattice": lattice, "settings": model.settings, DIGEST: digest}
     write_bytes(folder / "model.json", sealed_json(document, indent=1, sort_keys=True))
     return len(content)
@@ -176,12 +184,12 @@ def load_model(folder: Path, device: str = "cpu") -> GraspModel:
     if missing:
         raise InputError(f"{path}: expected the tensors {', '.join(_TENSORS)}; missing {', '.join(missing)}")
     _check_shapes(path, tensors, width(typed(FeatureConfig, document["settings"]["features"])))
-    lattice = lattice_of(typed(AffordanceConfig, document["settings"]["affordance"]))
-    _check_values(path, tensors, lattice)
+    grid = grid_of(typed(AffordanceConfig, document["settings"]["affordance"]))
+    _check_values(path, tensors, grid)
     tensors["cell"] = tensors["cell"].int()
-    condensed = Condensed(*(tensors[name] for name in _TENSORS[2:]))
+    condensed = Condensed(*(tensors[key] for key in _CONDENSED))
     calibration = Calibration(tensors["calibration"])
-    return GraspModel(tensors["centres"], condensed, lattice, calibration, document["settings"])
+    return GraspModel(tensors["centres"], condensed, grid, calibration, document["settings"])
 
 
 def _check_tensors(path: Path, digest: str | None) -> None:
@@ -204,25 +212,25 @@ def _check_shapes(path: Path, tensors: dict[str, Tensor], D: int) -> None:
             raise InputError(f"{path}: expected {name} to hold {'whole ' * whole}numbers, got {tensor.dtype}")
     if tensors["centres"].ndim != 2 or tensors["centres"].shape[1] != D or not len(tensors["centres"]):
         raise InputError(f"{path}: expected centres of shape (K, {D}), got {tuple(tensors['centres'].shape)}")
-    slices, points = len(tensors["centres"]) * len(GRASP_TYPES), int(tensors["slice_start"].reshape(-1)[-1:].sum())
+    partitions, points = len(tensors["centres"]) * len(GRASP_TYPES), int(tensors["slice_start"].reshape(-1)[-1:].sum())
     expected: dict[str, tuple[int, ...]] = dict.fromkeys(("cell", "probability", "support"), (points,))
-    expected |= {"slice_start": (slices + 1,), "base_rate": (len(GRASP_TYPES),)}
+    expected |= {"slice_start": (partitions + 1,), "base_rate": (len(GRASP_TYPES),)}
     expected |= {"calibration": (len(GRASP_TYPES), len(TERMS))}
     for name, shape in expected.items():
         if tuple(tensors[name].shape) != shape:
             raise InputError(f"{path}: expected {name} of shape {shape}, got {tuple(tensors[name].shape)}")
 
 
-def _check_values(path: Path, tensors: dict[str, Tensor], lattice: Lattice) -> None:
+def _check_values(path: Path, tensors: dict[str, Tensor], grid: SE3Grid) -> None:
     """Raises InputError where numbers are none that were learned: they would point at nothing, or rank at random."""
     start, cell = tensors["slice_start"], tensors["cell"]
     if int(start[0]) != 0 or bool((start.diff() < 0).any()):
         raise InputError(f"{path}: expected slice_start to rise from 0, got other numbers")
-    if len(cell) and int(cell.max()) >= lattice.cells:
-        raise InputError(f"{path}: expected cells below {lattice.cells}, got {int(cell.max())}")
+    if len(cell) and int(cell.max()) >= grid.cells:
+        raise InputError(f"{path}: expected cells below {grid.cells}, got {int(cell.max())}")
     falls = (cell.diff() <= 0).nonzero()[:, 0] + 1
     if not bool(torch.isin(falls, start).all()):  # they are searched
-        raise InputError(f"{path}: expected cells to rise within a slice, got other numbers")
+        raise InputError(f"{path}: expected cells to rise within a partition, got other numbers")
     for name in _TENSORS:
         values = tensors[name]
         low, high = _LOWEST.get(name, -math.inf), _HIGHEST.get(name, math.inf)
@@ -253,15 +261,15 @@ def _read_json(path: Path) -> dict[str, Any]:
         section = document.get(key)
         if not isinstance(section, dict) or not needed <= section.keys():
             raise InputError(f"{path}: expected {key} with the keys {', '.join(sorted(needed))}; got something else")
-    for key, kind in _SETTINGS.items():
+    for key, room in _SETTINGS.items():
         try:
-            config: Any = typed(kind, document["settings"][key])
-            if kind is AffordanceConfig and document["lattice"] != (made := _lattice_section(lattice_of(config))):
+            config: Any = typed(room, document["settings"][key])
+            if room is AffordanceConfig and document["lattice"] != (made := _lattice_section(grid_of(config))):
                 raise InputError(f"expected the lattice {made}, got {document['lattice']}")
         except InputError as error:
             raise InputError(f"{path}: settings.{key}: {error}") from None
     return document
 
 
-def _lattice_section(lattice: Lattice) -> dict[str, float]:
-    return {"reach": lattice.reach, "voxel": lattice.voxel, "rotation_deg": lattice.rotation_deg}
+def _lattice_section(grid: SE3Grid) -> dict[str, float]:
+    return {"reach": grid.reach, "voxel": grid.voxel, "rotation_deg": grid.rotation_deg}

@@ -8,19 +8,19 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.config import AffordanceConfig
-from spgf_torch.affordance.particles import Particles, Points
+from spgf_torch.affordance.particles import Particles
 from spgf_torch.errors import InputError
-from spgf_torch.geometry.lattice import Lattice
+from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.ops.cell_pairs import cell_pairs as pairs_within_reach
 
-# Cells of a lattice: 2 GB for the table of one slice.
+# Cells of a grid: 2 GB for the table of one partition.
 MOST_CELLS = 2**28
 
 
 @dataclass(frozen=True)
 class CellPairs:
-    """Feature-grasp pairs of one object, with the lattice cell of each: free of K, so computed once.
+    """Feature-grasp pairs of one object, with the cell of each in the SE(3) grid: free of K, so computed once.
 
     Attributes:
         feature, grasp, cell: (P,) int32, of each pair.
@@ -42,15 +42,15 @@ class CellPairs:
         return CellPairs(feature, renumbered.index_select(0, kept), cell, self.grasp_type[chosen])
 
 
-def lattice_of(config: AffordanceConfig) -> Lattice:
-    """The lattice that the settings describe. Raises InputError where its table would not fit into memory."""
-    lattice = Lattice(config.reach, config.voxel, config.rotation_deg)
-    if lattice.cells > MOST_CELLS:
+def grid_of(config: AffordanceConfig) -> SE3Grid:
+    """The SE(3) grid that the settings describe. Raises InputError where its table would not fit into memory."""
+    grid = SE3Grid(config.reach, config.voxel, config.rotation_deg)
+    if grid.cells > MOST_CELLS:
         raise InputError(
             f"affordance: expected reach, voxel and rotation_deg to give at most {MOST_CELLS:,} cells, "
-            f"got {lattice.cells:,}"
+            f"got {grid.cells:,}"
         )
-    return lattice
+    return grid
 
 
 def cell_pairs(
@@ -60,7 +60,7 @@ def cell_pairs(
     config: AffordanceConfig,
     generator: torch.Generator | None = None,
 ) -> CellPairs:
-    """Pairs of an object's features (F, 4, 4) and grasps (G, 4, 4) within reach, and their lattice cells.
+    """Pairs of an object's features (F, 4, 4) and grasps (G, 4, 4) within reach, and their cells.
 
     With a generator and more than `features_per_object` features, a random subset of them takes part.
     """
@@ -68,17 +68,12 @@ def cell_pairs(
     if generator is not None and len(chosen) > config.features_per_object:
         drawn = torch.randperm(len(chosen), generator=generator)[: config.features_per_object]
         chosen = drawn.sort().values.to(chosen.device)
-    feature, grasp, cell = pairs_within_reach(T_object_feature[chosen], T_object_grasp, lattice_of(config).numbers)
+    feature, grasp, cell = pairs_within_reach(T_object_feature[chosen], T_object_grasp, grid_of(config).numbers)
     return CellPairs(chosen.int().index_select(0, feature), grasp, cell, grasp_type)
 
 
-def shape_grasp_particles(pairs: CellPairs, ids: Tensor, success: Tensor) -> Particles:
-    """The particles of one object: ids (F,) int64 of its features, success (G,) bool of its grasps."""
-    points = points_of(pairs, ids)
-    return Particles(points.slice, points.cell, success.index_select(0, pairs.grasp))
-
-
-def points_of(pairs: CellPairs, ids: Tensor) -> Points:
-    """Where an object's pairs lie in the shape-grasp space: ids (F,) int64 of its features."""
+def shape_grasp_particles(pairs: CellPairs, ids: Tensor, success: Tensor | None = None) -> Particles:
+    """The particles of one object: ids (F,) int64 of its features, success (G,) bool of its grasps, if it is known."""
     first = (ids.int() * len(GRASP_TYPES)).index_select(0, pairs.feature)
-    return Points(first.add_(pairs.grasp_type.int().index_select(0, pairs.grasp)), pairs.cell)
+    partition = first.add_(pairs.grasp_type.int().index_select(0, pairs.grasp))
+    return Particles(partition, pairs.cell, None if success is None else success.index_select(0, pairs.grasp))

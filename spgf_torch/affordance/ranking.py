@@ -16,17 +16,20 @@ and the mean towards no evidence by `vote_shrinkage` votes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import torch
 from torch import Tensor
 
 from spgf_torch.affordance.calibration import Calibration
-from spgf_torch.affordance.config import AffordanceConfig
+from spgf_torch.affordance.config import NESTED, AffordanceConfig
 from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.affordance.voting import Votes
 from spgf_torch.hands.config import GRASP_TYPES
+
+# The ranking by calibrated probabilities.
+CALIBRATED = "calibrated"
 
 # Far below any score, yet above no support at all: sensed collisions keep their order among themselves.
 COLLIDING = -1e3
@@ -36,38 +39,62 @@ UNSUPPORTED = float("-inf")
 
 
 @dataclass(frozen=True)
-class Judged:
-    """What the votes say of each grasp before calibration.
+class GraspScores:
+    """What votes say of an object's grasps.
 
     Attributes:
         votes (G,) int64: how many.
-        probability (G,) f32: their mean learned probability; the type's base rate without votes.
-        paper (G,) f32, log_odds (G,) f32: the two rankings' scores; UNSUPPORTED without votes.
+        probability_before (G,) f32: their mean learned probability; the type's base rate without votes.
+        probability (G,) f32: calibrated; that before until a calibration is known.
+        by_ranking: name of `config.RANKINGS`, of `config.NESTED`, or one that joined -> (G,) f32, higher is better;
+            UNSUPPORTED without votes.
         grasp_type (G,) int64; collides (G,) bool: a sensed point lies inside the open hand.
+        chosen: the ranking that was chosen on other objects, if one was.
     """
 
     votes: Tensor
+    probability_before: Tensor
     probability: Tensor
-    paper: Tensor
-    log_odds: Tensor
+    by_ranking: dict[str, Tensor]
     grasp_type: Tensor
     collides: Tensor
+    chosen: str = ""
+
+    @property
+    def log_odds(self) -> Tensor:
+        """(G,) f32: the score that calibration starts from."""
+        return self.by_ranking["log_odds"]
+
+    def calibrated(self, calibration: Calibration) -> GraspScores:
+        """With calibrated probabilities, and their ranking."""
+        probability = calibration.probability(self.log_odds, self.grasp_type, self.collides)
+        ranked = probability.masked_fill(self.votes == 0, UNSUPPORTED)
+        return replace(self, probability=probability, by_ranking={**self.by_ranking, CALIBRATED: ranked})
+
+    def with_chosen(self, ranking: str) -> GraspScores:
+        """With `config.NESTED`: the ranking that was chosen on other objects."""
+        return replace(self.joined_by(NESTED, self.by_ranking[ranking]), chosen=ranking)
+
+    def joined_by(self, ranking: str, score: Tensor) -> GraspScores:
+        """With the scores (G,) of another ranking, which was not among those to choose from."""
+        return replace(self, by_ranking={**self.by_ranking, ranking: score})
 
 
-def judge(votes: Votes, base_rate: Tensor, grasp_type: Tensor, collides: Tensor, config: AffordanceConfig) -> Judged:
-    """Combine the votes on grasps of types (G,), given the base rate (types,) of each type."""
+def score_grasps(
+    votes: Votes, base_rate: Tensor, grasp_type: Tensor, collides: Tensor, config: AffordanceConfig
+) -> GraspScores:
+    """Combine the votes on grasps of types (G,), given the base rate (types,) of each type; not calibrated."""
     count = torch.bincount(votes.grasp, minlength=len(grasp_type))
     total = _sum_per_grasp(votes.probability, votes, len(grasp_type))
     gain = _sum_per_grasp(log_odds_gain(votes, base_rate, grasp_type, config), votes, len(grasp_type))
-    unsupported = count == 0
-    return Judged(
-        count,
-        torch.where(unsupported, base_rate[grasp_type], total / count.clamp(min=1)),
-        shrunk_mean(total, count, config),
-        shrunk_mean(gain, count, config),
-        grasp_type,
-        collides,
-    )
+    mean = torch.where(count == 0, base_rate[grasp_type], total / count.clamp(min=1))
+    log_odds = shrunk_mean(gain, count, config)
+    by_ranking = {
+        "paper": shrunk_mean(total, count, config),
+        "log_odds": log_odds,
+        "log_odds_free": log_odds + COLLIDING * collides,
+    }
+    return GraspScores(count, mean, mean, by_ranking, grasp_type, collides)
 
 
 def shrunk_mean(total: Tensor, votes: Tensor, config: AffordanceConfig) -> Tensor:
@@ -83,7 +110,7 @@ def log_odds_gain(votes: Votes, base_rate: Tensor, grasp_type: Tensor, config: A
 def point_gains(condensed: Condensed, config: AffordanceConfig) -> Tensor:
     """(P,) f32: the same of every point, as a vote that finds it."""
     gains = torch.empty_like(condensed.probability)
-    for s, (first, end) in enumerate(pairwise(condensed.slice_start.tolist())):
+    for s, (first, end) in enumerate(pairwise(condensed.partition_start.tolist())):
         base = condensed.base_rate[s % len(GRASP_TYPES)]
         gains[first:end] = _gain(condensed.probability[first:end], condensed.support[first:end], base, config)
     return gains
@@ -93,17 +120,6 @@ def _gain(probability: Tensor, support: Tensor, base_rate: Tensor, config: Affor
     base = base_rate.clamp(1e-4, 1 - 1e-4)
     shrunk = (probability * support + base * config.shrinkage) / (support + config.shrinkage)
     return torch.logit(shrunk, eps=1e-4) - torch.logit(base)
-
-
-def rankings(judged: Judged, calibration: Calibration) -> dict[str, Tensor]:
-    """Every ranking's score of each grasp: name of `config.RANKINGS` -> (G,) f32, higher is better."""
-    calibrated = calibration.probability(judged.log_odds, judged.grasp_type, judged.collides)
-    return {
-        "paper": judged.paper,
-        "log_odds": judged.log_odds,
-        "log_odds_free": judged.log_odds + COLLIDING * judged.collides,
-        "calibrated": calibrated.masked_fill(judged.votes == 0, UNSUPPORTED),
-    }
 
 
 def _sum_per_grasp(values: Tensor, votes: Votes, grasps: int) -> Tensor:

@@ -15,8 +15,8 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.neighbourhood import Condensed, Counts
-from spgf_torch.affordance.particles import Points
-from spgf_torch.geometry.lattice import Lattice
+from spgf_torch.affordance.particles import Particles
+from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.ops.accumulate_votes import Candidates, Voters, accumulate_votes
 from spgf_torch.ops.look_up import NO_POINT, Table, look_up
@@ -41,61 +41,62 @@ class Votes:
 
 
 class VotingIndex:
-    """Finds condensed points by slice and cell.
+    """Finds condensed points by partition and cell.
 
-    A dense table would be fastest but holds `lattice.cells` entries a slice.
+    A dense table would be fastest but holds `grid.cells` entries a partition.
     """
 
-    def __init__(self, condensed: Condensed, lattice: Lattice) -> None:
-        self.condensed, self.lattice = condensed, lattice
+    def __init__(self, condensed: Condensed, grid: SE3Grid) -> None:
+        self.condensed, self.grid = condensed, grid
 
     @cached_property
     def table(self) -> Table:
-        """Where the points of each row of the lattice begin, and their cells."""
-        slices, cell = self.condensed.slice_start.tolist(), self.condensed.cell
-        first = torch.arange(self.lattice.rows, device=cell.device, dtype=cell.dtype) * self.lattice.row_size
-        starts = [a + torch.searchsorted(cell[a:b], first, out_int32=True) for a, b in pairwise(slices)]
-        return Table(torch.cat([*starts, self.condensed.slice_start[-1:].int()]), cell)
+        """Where the points of each row of the grid begin, and their cells."""
+        partitions, cell = self.condensed.partition_start.tolist(), self.condensed.cell
+        first = torch.arange(self.grid.rows, device=cell.device, dtype=cell.dtype) * self.grid.row_size
+        starts = [a + torch.searchsorted(cell[a:b], first, out_int32=True) for a, b in pairwise(partitions)]
+        return Table(torch.cat([*starts, self.condensed.partition_start[-1:].int()]), cell)
 
-    def find(self, slice_: Tensor, cell: Tensor) -> Tensor:
-        """Point of each (slice, cell), (P,) int32 each -> (P,) int64; NO_POINT where support was too small."""
-        return look_up(self.table, self.lattice.rows, self.lattice.row_size, slice_, cell)
+    def find(self, partition: Tensor, cell: Tensor) -> Tensor:
+        """Point of each (partition, cell), (P,) int32 each -> (P,) int64; NO_POINT where support was too small."""
+        return look_up(self.table, self.grid.rows, self.grid.row_size, partition, cell)
 
 
-def cast_votes(index: VotingIndex, points: Points, grasp: Tensor) -> Votes:
+def cast_votes(index: VotingIndex, points: Particles, grasp: Tensor) -> Votes:
     """Votes at the points (P,) of feature-grasp pairs through a condensed model; grasp (P,) of each pair."""
-    point = index.find(points.slice, points.cell)
+    point = index.find(points.partition, points.cell)
     found = (point != NO_POINT).nonzero()[:, 0]
     point = point.index_select(0, found)
     probability, support = (c.index_select(0, point) for c in (index.condensed.probability, index.condensed.support))
-    prototype = points.slice.index_select(0, found) // len(GRASP_TYPES)
+    prototype = points.partition.index_select(0, found) // len(GRASP_TYPES)
     return Votes(grasp.index_select(0, found).long(), prototype.long(), probability, support)
 
 
 @dataclass(frozen=True)
-class Poll:
-    """The votes on each grasp: how many (G,) int64, and what they are worth in all (G,) f32."""
+class VoteTotals:
+    """The votes on each grasp: how many (G,) int64, and the sum (G,) f32 of their gains in log-odds."""
 
     votes: Tensor
-    worth: Tensor
+    log_odds_gain: Tensor
 
 
-def polled(
-    index: VotingIndex, worth: Tensor, T_object_feature: Tensor, ids: Tensor, T_object_grasp: Tensor, kind: Tensor
-) -> Poll:
-    """The votes of features (F, 4, 4) of prototypes ids (F,) on grasps (G, 4, 4) of types kind (G,).
+def vote_totals(
+    index: VotingIndex, gain: Tensor, T_object_feature: Tensor, ids: Tensor, T_object_grasp: Tensor, grasp_type: Tensor
+) -> VoteTotals:
+    """The votes of features (F, 4, 4) of prototypes ids (F,) on grasps (G, 4, 4) of types (G,).
 
-    As pairs and their votes say, but none of these is listed. worth (P,) f32: of a vote that finds the point.
+    As pairs and their votes say, but none of these is listed. gain (P,) f32: of a vote that finds the point
+    (`ranking.point_gains`).
     """
     voters = Voters(T_object_feature, ids.long() * len(GRASP_TYPES))
-    candidates = Candidates(T_object_grasp, kind.long())
-    votes, total = accumulate_votes(voters, candidates, index.table, worth, index.lattice.numbers)
-    return Poll(votes, total.float())
+    candidates = Candidates(T_object_grasp, grasp_type.long())
+    votes, total = accumulate_votes(voters, candidates, index.table, gain, index.grid.numbers)
+    return VoteTotals(votes, total.float())
 
 
-def counted_votes(counts: Counts, points: Points, grasp: Tensor, min_support: float) -> Votes:
+def counted_votes(counts: Counts, points: Particles, grasp: Tensor, min_support: float) -> Votes:
     """The same votes straight from a neighbourhood analysis at the points, without condensing the space."""
-    cast = ((counts.here > 0) & (counts.particles >= min_support)).nonzero()[:, 0]
+    cast = ((counts.own_count > 0) & (counts.particles >= min_support)).nonzero()[:, 0]
     support = counts.particles[cast]
     probability = (counts.successes[cast] / support.clamp(min=torch.finfo(support.dtype).tiny)).clamp(max=1)
     return Votes(grasp[cast].long(), points.prototype[cast].long(), probability, support)

@@ -13,16 +13,19 @@ from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import check_device
 from spgf_torch.baselines.config import BaselineConfig
 from spgf_torch.baselines.samples import Samples, load_samples, open_export, shards_of
-from spgf_torch.cache import Cache, fingerprint, program
+from spgf_torch.cache import Cache, code_fingerprint, fingerprint
 from spgf_torch.evaluation.folds import stratified_folds
-from spgf_torch.experiment.describe import Description, Steps
-from spgf_torch.experiment.labelled_grasps import Tried, dataset_digest, open_hand, tried_grasps
+from spgf_torch.experiment.describe import CachedSteps, Describer
+from spgf_torch.experiment.described_object import sample_of_each_type
+from spgf_torch.experiment.labelled_grasps import dataset_digest, open_hand, tables_of
 from spgf_torch.features.config import FeatureConfig
-from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.hands.hand import load_hand
 from spgf_torch.objects.folders import read_objects
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.settings import plain, settings
+from spgf_torch.simulation.execute import Trials
+from spgf_torch.simulation.table import TrialTable
 
 AUTO = "auto"  # device: the GPU, if there is one
 
@@ -35,26 +38,26 @@ class Data:
         fold: (objects,) int, where each is novel.
         collides: of each (G,) bool, a sensed point inside the open hand.
         taught: of each the rows (C,) int64 of `samples` that may teach.
-        describe: how the objects are sensed, and the hand.
+        describer: how the objects are sensed, and the hand.
     """
 
     objects: Sequence[GraspObject]
-    tried: Sequence[Tried]
+    tables: Sequence[TrialTable]
     fold: np.ndarray
     collides: Sequence[Tensor]
     samples: Samples
     taught: Sequence[Tensor]
-    describe: Description
+    describer: Describer
 
     def of(self, i: int, rows: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Types, sensed collisions and outcomes of some rows of an object."""
-        own, tried = rows - self.samples.start[i], self.tried[i]
-        return tried.grasps.grasp_type[own], self.collides[i][own], tried.success[own]
+        own, table = rows - self.samples.start[i], self.tables[i]
+        return table.grasp_type[own], self.collides[i][own], table.success[own]
 
     @property
     def digest(self) -> str:
         """Names objects and trials, as in the results of `train`."""
-        return dataset_digest(self.objects, self.tried)
+        return dataset_digest(self.objects, self.tables)
 
 
 def usable_device(name: str) -> str:
@@ -64,7 +67,7 @@ def usable_device(name: str) -> str:
     return known
 
 
-def read_data(config: BaselineConfig, device: str, stages: Stages) -> Data:
+def read_data(config: BaselineConfig, device: str, stages: ProgressReporter) -> Data:
     """Everything that the settings name; the samples are on `device`.
 
     Raises InputError in one line for objects, trials or an export that cannot be used, or do not belong together.
@@ -74,36 +77,31 @@ def read_data(config: BaselineConfig, device: str, stages: Stages) -> Data:
     fold = stratified_folds([obj.category for obj in objects], config.folds, config.seed)
     folder, radius = open_export(config, objects, fold)
     shards = shards_of(folder, config.folds)
-    tried = tried_grasps(objects, config)  # type: ignore[arg-type]  # it needs what both settings have
+    tables = tables_of(objects, config.trials, Trials(load_hand(config.hand), config.episode), config.sampler)
     volumes = open_hand(config.hand)
     features, affordance = settings(FeatureConfig), settings(AffordanceConfig)  # not used: no feature is asked for
-    describe = Description(config.sensing, features, affordance, volumes, config.seed, "cpu", cache)
+    describer = Describer(config.sensing, features, affordance, volumes, config.seed, "cpu", cache)
     collides = []
     with stages.stage("collisions", len(objects), "objects") as advance:
-        for obj, each in zip(objects, tried, strict=True):
-            collides.append(Steps(describe, obj, each.grasps).collides)
+        for obj, table in zip(objects, tables, strict=True):
+            collides.append(CachedSteps(describer, obj, table).collides)
             advance(1)
     with stages.stage("reading", len(shards), "shards") as advance:
-        samples = load_samples(shards, radius, objects, tried, fold, advance).to(device)
-    taught = taught_rows(tried, samples.start, config.trials_per_object, config.seed)
-    return Data(objects, tried, fold, collides, samples, taught, describe)
+        samples = load_samples(shards, radius, objects, tables, fold, advance).to(device)
+    taught = taught_rows(tables, samples.start, config.trials_per_object, config.seed)
+    return Data(objects, tables, fold, collides, samples, taught, describer)
 
 
-def origin_of(data: Data, config: BaselineConfig) -> str:
+def provenance_of(data: Data, config: BaselineConfig) -> str:
     """Names all that the networks depend on."""
     learned = [plain(part) for part in (config.network, config.augment, config.learning)]
     device = data.samples.cloud.device.type
-    made = program("spgf_torch.baselines.folds")
+    made = code_fingerprint("spgf_torch.baselines.folds")
     return fingerprint(made, data.digest, data.samples.cloud, data.fold, *data.taught, *learned, config.seed, device)
 
 
-def taught_rows(tried: Sequence[Tried], start: Sequence[int], count: int, seed: int) -> list[Tensor]:
+def taught_rows(tables: Sequence[TrialTable], start: Sequence[int], count: int, seed: int) -> list[Tensor]:
     """Of each object the rows of at most `count` grasps of each type: those that `train` takes."""
     generator = torch.Generator().manual_seed(seed)
-    rows = []
-    for each, first in zip(tried, start, strict=False):
-        order = torch.randperm(len(each.success), generator=generator)
-        kind = each.grasps.grasp_type[order]
-        drawn = [order[kind == code][:count] for code in range(len(GRASP_TYPES))]
-        rows.append(first + torch.cat(drawn).sort().values)
-    return rows
+    rows = zip(tables, start, strict=False)
+    return [first + sample_of_each_type(table.grasp_type, count, generator) for table, first in rows]

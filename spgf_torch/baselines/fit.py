@@ -17,7 +17,7 @@ from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
 from lightning.pytorch.plugins.environments import LightningEnvironment
 
 from spgf_torch.baselines.kept import AGAIN, read_checkpoint, write_checkpoint
-from spgf_torch.baselines.module import LOSS, GraspJudge
+from spgf_torch.baselines.module import LOSS, GraspClassifier
 from spgf_torch.extras import installed
 from spgf_torch.files.reading import unreadable
 from spgf_torch.files.sealing import is_sealed
@@ -39,18 +39,18 @@ class WholeCheckpoints(TorchCheckpointIO):
         write_checkpoint(Path(path), checkpoint)
 
 
-def fit(make: Callable[[], GraspJudge], folder: Path) -> GraspJudge:
+def fit(make: Callable[[], GraspClassifier], folder: Path) -> GraspClassifier:
     """The module as it was at its best epoch.
 
     `folder` keeps `last.ckpt` and `best.ckpt` after every epoch, and `logs`. It goes on from there if they are of the
-    same origin; others are overwritten.
+    same provenance; others are overwritten.
 
     Args:
         make: a module that has learned nothing, the same at every call.
     """
     with _quiet():
         module = make()
-        resumed = _of_origin(folder / LAST, module.origin) if (folder / BEST).is_file() else None
+        resumed = _of_provenance(folder / LAST, module.provenance) if (folder / BEST).is_file() else None
         if resumed is None or not _finished(resumed, module):
             trainer = _trainer(module, folder, resumed)
             trainer.fit(module, ckpt_path=folder / LAST if resumed else None, weights_only=True)
@@ -64,7 +64,7 @@ def fit(make: Callable[[], GraspJudge], folder: Path) -> GraspJudge:
     return module.to(module.task.samples.cloud.device).eval()
 
 
-def _trainer(module: GraspJudge, folder: Path, resumed: dict[str, Any] | None) -> Trainer:
+def _trainer(module: GraspClassifier, folder: Path, resumed: dict[str, Any] | None) -> Trainer:
     device = module.task.samples.cloud.device
     loggers: list[Logger] = [_csv(folder, resumed)]
     if installed("tensorboard"):
@@ -101,15 +101,15 @@ def _csv(folder: Path, resumed: dict[str, Any] | None) -> CSVLogger:
     return logger
 
 
-def _of_origin(path: Path, origin: str) -> dict[str, Any] | None:
-    """The checkpoint, if it is there, has its seal, and is of this origin; InputError for one that is damaged."""
+def _of_provenance(path: Path, provenance: str) -> dict[str, Any] | None:
+    """The checkpoint, if it is there, has its seal, and is of this provenance; InputError for one that is damaged."""
     if not path.is_file() or not is_sealed(path):
         return None
     found = read_checkpoint(path)
-    return found if isinstance(found, dict) and found.get("origin") == origin else None
+    return found if isinstance(found, dict) and found.get("origin") == provenance else None
 
 
-def _finished(checkpoint: dict[str, Any], module: GraspJudge) -> bool:
+def _finished(checkpoint: dict[str, Any], module: GraspClassifier) -> bool:
     """Whether it was killed behind the last epoch: Lightning would go on for another one."""
     states = [state for name, state in checkpoint["callbacks"].items() if name.startswith(EarlyStopping.__name__)]
     stopped = any(state["wait_count"] >= state["patience"] for state in states)

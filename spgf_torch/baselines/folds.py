@@ -17,22 +17,21 @@ from spgf_torch.baselines.config import BaselineConfig
 from spgf_torch.baselines.data import Data
 from spgf_torch.baselines.fit import BEST, LAST, fit
 from spgf_torch.baselines.kept import read_tensors, write_tensors
-from spgf_torch.baselines.module import GraspJudge, Task
-from spgf_torch.baselines.pointnet import PointNet, judge
+from spgf_torch.baselines.module import GraspClassifier, Task
+from spgf_torch.baselines.pointnet import PointNet, grasp_logits
 from spgf_torch.baselines.samples import Samples
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_order
-from spgf_torch.evaluation.novel import Novel
+from spgf_torch.evaluation.predictions import Predictions, pose_columns
 from spgf_torch.evaluation.success import top_n
-from spgf_torch.geometry import se3
 from spgf_torch.hands.config import GRASP_TYPES
-from spgf_torch.progress import Stages, console
+from spgf_torch.progress import ProgressReporter, console
 
 MODEL, JUDGED = "model.safetensors", "judged.safetensors"
 
 
 @dataclass(frozen=True)
-class Judged:
+class FoldLogits:
     """What the network of a fold says.
 
     Attributes:
@@ -61,7 +60,9 @@ def inner_split(
     return sorted(order[count:]), sorted(order[:count])
 
 
-def run_folds(data: Data, config: BaselineConfig, work: Path, origin: str, stages: Stages) -> dict[int, Judged]:
+def run_folds(
+    data: Data, config: BaselineConfig, work: Path, provenance: str, stages: ProgressReporter
+) -> dict[int, FoldLogits]:
     """Fold -> what its network says. What is finished is kept in `work`, and taken from there."""
     tests = np.unique(data.fold).tolist()
     with stages.stage("learning", len(tests) * config.learning.epochs, "epochs") as advance:
@@ -74,15 +75,15 @@ def run_folds(data: Data, config: BaselineConfig, work: Path, origin: str, stage
                 told += 1
                 advance(1)
 
-            found[test] = run_fold(data, config, test, work / f"fold{test}", f"{origin} {test}", tell)
+            found[test] = run_fold(data, config, test, work / f"fold{test}", f"{provenance} {test}", tell)
             advance(config.learning.epochs - told)
     return found
 
 
 def run_fold(
-    data: Data, config: BaselineConfig, test: int, folder: Path, origin: str, tell: Callable[[], None]
-) -> Judged:
-    """Train a network without the objects of the fold `test`, and let it judge them and the inner ones."""
+    data: Data, config: BaselineConfig, test: int, folder: Path, provenance: str, tell: Callable[[], None]
+) -> FoldLogits:
+    """Train a network without the objects of the fold `test`, and let it score grasps on them and the inner ones."""
     classes = [obj.category for obj in data.objects]
     teach, inner = inner_split(classes, data.fold, test, config.learning.inner_share, config.seed)
     novel = np.flatnonzero(data.fold == test).tolist()
@@ -92,9 +93,9 @@ def run_fold(
         watched = _sampled([data.taught[i] for i in inner], config.learning.inner_grasps, config.seed)
         task = Task(data.samples, taught, watched, config.augment, config.learning, config.seed + test)
 
-        def make() -> GraspJudge:
+        def make() -> GraspClassifier:
             generator = torch.Generator().manual_seed(config.seed + test)
-            return GraspJudge(PointNet(config.network, data.samples.radius, generator), task, origin, tell)
+            return GraspClassifier(PointNet(config.network, data.samples.radius, generator), task, provenance, tell)
 
         module = fit(make, folder)
         _keep(
@@ -102,11 +103,11 @@ def run_fold(
         )
         console.print(f"fold {test}: learned from {len(teach)} objects in {module.seconds:.0f} s")
     kept = read_tensors(folder / JUDGED, "logit", "seconds")
-    sizes = [*(len(data.tried[i].success) for i in novel), *(len(data.taught[i]) for i in inner)]
+    sizes = [*(len(data.tables[i]) for i in novel), *(len(data.taught[i]) for i in inner)]
     logits = dict(zip([*novel, *inner], kept["logit"].split(sizes), strict=True))
-    kind, held = data.samples.grasp_type.cpu()[taught], data.samples.success.cpu()[taught].float()
-    rates = torch.stack([held[kind == code].mean() for code in range(len(GRASP_TYPES))]).nan_to_num()
-    return Judged({i: logits[i] for i in novel}, {i: logits[i] for i in inner}, rates, float(kept["seconds"]))
+    grasp_type, success = data.samples.grasp_type.cpu()[taught], data.samples.success.cpu()[taught].float()
+    rates = torch.stack([success[grasp_type == code].mean() for code in range(len(GRASP_TYPES))]).nan_to_num()
+    return FoldLogits({i: logits[i] for i in novel}, {i: logits[i] for i in inner}, rates, float(kept["seconds"]))
 
 
 def _sampled(rows: Sequence[Tensor], count: int, seed: int) -> Tensor:
@@ -115,11 +116,11 @@ def _sampled(rows: Sequence[Tensor], count: int, seed: int) -> Tensor:
     return torch.cat([own[torch.randperm(len(own), generator=generator)[:count]] for own in rows])
 
 
-def _keep(module: GraspJudge, samples: Samples, rows: Sequence[Tensor], folder: Path) -> None:
+def _keep(module: GraspClassifier, samples: Samples, rows: Sequence[Tensor], folder: Path) -> None:
     """Write the network, then what it says of some rows; checkpoints are no longer needed."""
     device = samples.cloud.device
     chosen = torch.cat(list(rows)).to(device)
-    logit = judge(module.network, samples.cloud[chosen], samples.grasp_type[chosen]).cpu()
+    logit = grasp_logits(module.network, samples.cloud[chosen], samples.grasp_type[chosen]).cpu()
     if not logit.isfinite().all():
         raise InputError(
             f"learning.rate: expected one at which the network stays finite, got {module.task.learning.rate:g}"
@@ -144,44 +145,44 @@ def scores(logit: Tensor, grasp_type: Tensor, collides: Tensor, calibration: Cal
     }
 
 
-def calibrated(data: Data, judged: Judged, n: int) -> tuple[Calibration, str]:
+def calibrated(data: Data, logits: FoldLogits, n: int) -> tuple[Calibration, str]:
     """Calibration and choice of the ranking, both on the inner objects of a fold; the first ranking of equals.
 
     Of the inner objects' grasps the same share counts as n is of all.
     """
-    known = {i: data.of(i, data.taught[i]) for i in judged.inner}
-    kind, collides, success = (torch.cat([part[at] for part in known.values()]) for at in range(3))
-    calibration = fit_calibration(torch.cat(list(judged.inner.values())), kind, collides, success)
+    known = {i: data.of(i, data.taught[i]) for i in logits.inner}
+    columns = (torch.cat([part[at] for part in known.values()]) for at in range(3))
+    calibration = fit_calibration(torch.cat(list(logits.inner.values())), *columns)
     rates: dict[str, float] = {}
-    for i, (kinds, hits, held) in known.items():
-        best = max(1, round(n * len(held) / len(data.tried[i].success)))
-        for name, score in scores(judged.inner[i], kinds, hits, calibration).items():
-            rates[name] = rates.get(name, 0.0) + top_n(score.numpy(), held.numpy(), kinds.numpy(), best)["CG"]
+    for i, (grasp_type, collides, success) in known.items():
+        best = max(1, round(n * len(success) / len(data.tables[i])))
+        for name, score in scores(logits.inner[i], grasp_type, collides, calibration).items():
+            rate = top_n(score.numpy(), success.numpy(), grasp_type.numpy(), best)["CG"]
+            rates[name] = rates.get(name, 0.0) + rate
     return calibration, max(rates, key=lambda name: rates[name])
 
 
-def novel_objects(data: Data, judged: dict[int, Judged], n: int) -> list[Novel]:
+def predictions_of(data: Data, logits: dict[int, FoldLogits], n: int) -> list[Predictions]:
     """What was said of each object by a network that had not seen it, beside what became of its grasps."""
-    found: dict[int, Novel] = {}
-    for fold, of_fold in judged.items():
+    found: dict[int, Predictions] = {}
+    for fold, of_fold in logits.items():
         calibration, chosen = calibrated(data, of_fold, n)
         before = uncalibrated(of_fold.base_rate)
         for i, logit in of_fold.novel.items():
-            kind, collides, success = data.of(i, data.samples.rows([i]))
-            ranked = scores(logit, kind, collides, calibration)
-            T = data.tried[i].grasps.T_object_tcp
-            found[i] = Novel(
+            grasp_type, collides, success = data.of(i, data.samples.rows([i]))
+            ranked = scores(logit, grasp_type, collides, calibration)
+            found[i] = Predictions(
                 name=data.objects[i].name,
                 category=data.objects[i].category,
                 fold=fold,
                 chosen=chosen,
                 scores={name: score.numpy() for name, score in {**ranked, NESTED: ranked[chosen]}.items()},
-                probability_before=before.probability(logit, kind, collides).numpy(),
+                probability_before=before.probability(logit, grasp_type, collides).numpy(),
                 probability=ranked["calibrated"].numpy(),
                 votes=np.ones(len(logit), dtype=np.int64),
                 success=success.numpy(),
-                grasp_type=kind.numpy(),
+                grasp_type=grasp_type.numpy(),
                 collides=collides.numpy(),
-                pose=np.concatenate([se3.position_of(T).numpy(), se3.quaternion_of(T).numpy()], axis=1),
+                pose=pose_columns(data.tables[i].T_object_tcp),
             )
     return [found[i] for i in range(len(data.objects))]

@@ -15,7 +15,7 @@ from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
 from spgf_torch.baselines.config import AugmentConfig, LearningConfig
-from spgf_torch.baselines.pointnet import PointNet, augmented, balance, balanced_loss, judge
+from spgf_torch.baselines.pointnet import PointNet, augmented, balance, balanced_loss, grasp_logits
 from spgf_torch.baselines.samples import Samples
 
 LOSS = "inner_loss"  # what early stopping looks at
@@ -76,15 +76,15 @@ class Whole:
         return iter([self.rows])
 
 
-class GraspJudge(LightningModule):
+class GraspClassifier(LightningModule):
     """Trains a PointNet on balanced draws and watches its balanced loss on the trials of inner objects.
 
     `tell` is called after every epoch. `seconds` is the time of all epochs, also of those before a resumption.
     """
 
-    def __init__(self, network: PointNet, task: Task, origin: str, tell: Callable[[], None]) -> None:
+    def __init__(self, network: PointNet, task: Task, provenance: str, tell: Callable[[], None]) -> None:
         super().__init__()
-        self.network, self.task, self.origin, self.tell = network, task, origin, tell
+        self.network, self.task, self.provenance, self.tell = network, task, provenance, tell
         self.seconds, self._began = 0.0, 0.0
 
     def train_dataloader(self) -> Draws:
@@ -112,7 +112,7 @@ class GraspJudge(LightningModule):
     def validation_step(self, rows: Tensor, batch_idx: int) -> None:
         known = self.task.samples
         grasp_type, success = known.grasp_type[rows], known.success[rows]
-        logit = judge(self.network, known.cloud[rows], grasp_type)
+        logit = grasp_logits(self.network, known.cloud[rows], grasp_type)
         self.log(LOSS, balanced_loss(logit, grasp_type, success), batch_size=len(rows))
         self.log(
             "inner_accuracy", (balance(grasp_type, success).to(logit) * ((logit > 0) == success)).sum(), batch_size=1
@@ -124,7 +124,7 @@ class GraspJudge(LightningModule):
         self.tell()
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        checkpoint.update(origin=self.origin, seconds=self.seconds)
+        checkpoint.update(origin=self.provenance, seconds=self.seconds)
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         self.seconds = float(checkpoint["seconds"])

@@ -1,4 +1,4 @@
-"""A PointNet that judges grasps, what it is taught with, and what its errors cost. Torch only.
+"""A PointNet that scores grasps, what it is taught with, and what its errors cost. Torch only.
 
 A cloud is taken as the set that it is: every point goes through the same layers alone, the maximum over the points
 goes on (Qi et al., PointNet, CVPR 2017, without T-nets: the frame is the grasp's own).
@@ -18,7 +18,7 @@ from spgf_torch.baselines.config import AugmentConfig, NetworkConfig
 from spgf_torch.geometry.se3 import rotation_about
 from spgf_torch.hands.config import GRASP_TYPES
 
-CHUNK = 512  # clouds judged at once: the activations of a layer stay below 100 MB
+CHUNK = 512  # clouds scored at once: the activations of a layer stay below 100 MB
 
 
 class PointNet(nn.Module):
@@ -62,7 +62,7 @@ def fourier(x: Tensor, frequencies: int) -> Tensor:
 
 
 @torch.no_grad()
-def judge(network: PointNet, cloud: Tensor, grasp_type: Tensor) -> Tensor:
+def grasp_logits(network: PointNet, cloud: Tensor, grasp_type: Tensor) -> Tensor:
     """Logits (S,) f32 of clouds (S, P, 3) of any precision, in parts."""
     parts = zip(cloud.split(CHUNK), grasp_type.split(CHUNK), strict=True)
     return torch.cat([network(some.float(), kinds) for some, kinds in parts])

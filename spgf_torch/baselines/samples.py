@@ -13,7 +13,6 @@ from torch import Tensor
 
 from spgf_torch.baselines.config import BaselineConfig
 from spgf_torch.errors import InputError
-from spgf_torch.experiment.labelled_grasps import Tried
 from spgf_torch.files.checks import entry, number, whole
 from spgf_torch.formats.card import CARD, check_files, read_card
 from spgf_torch.formats.samples import Sample, read_samples, shard_name
@@ -22,6 +21,7 @@ from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find
 from spgf_torch.settings import plain
+from spgf_torch.simulation.table import TrialTable
 
 SAMPLES = Path("webdataset", "samples")
 HOW = "python -m spgf_torch.export format=webdataset"
@@ -98,7 +98,7 @@ def load_samples(
     shards: Sequence[Path],
     radius: float,
     objects: Sequence[GraspObject],
-    tried: Sequence[Tried],
+    tables: Sequence[TrialTable],
     fold: np.ndarray,
     advance: Callable[[int], None],
 ) -> Samples:
@@ -107,8 +107,8 @@ def load_samples(
     Raises InputError in one line for a shard that is missing or cut off, for a sample of another object, fold or
     outcome than the trials say, and unless every trial is there once.
     """
-    start = np.concatenate([[0], np.cumsum([len(t.success) for t in tried])]).tolist()
-    grasp_type, success = torch.cat([t.grasps.grasp_type for t in tried]), torch.cat([t.success for t in tried])
+    start = np.concatenate([[0], np.cumsum([len(table) for table in tables])]).tolist()
+    grasp_type, success = torch.cat([t.grasp_type for t in tables]), torch.cat([t.success for t in tables])
     place = {obj.name: i for i, obj in enumerate(objects)}
     seen, cloud = np.zeros(start[-1], bool), np.empty((0, 0, 3), np.float16)
     for path in shards:
@@ -151,10 +151,11 @@ def _check_objects(listed: Any, objects: Sequence[GraspObject], fold: np.ndarray
         raise InputError(f"{path}: expected the objects of objects=, got {min(found):.80} beside them")
 
 
-def _check_trial(sample: Sample, kind: int, held: bool, where: str) -> None:
-    if (sample.type, bool(sample.label)) != (GRASP_TYPES[kind], held):
+def _check_trial(sample: Sample, grasp_type: int, success: bool, where: str) -> None:
+    trial = GRASP_TYPES[grasp_type], success
+    if (sample.type, bool(sample.label)) != trial:
         expected, got = (
-            f"{t} that {'held' if h else 'failed'}" for t, h in ((GRASP_TYPES[kind], held), (sample.type, sample.label))
+            f"{name} that {'held' if success else 'failed'}" for name, success in (trial, (sample.type, sample.label))
         )
         raise InputError(f"{where}: expected {expected}, as trials= has it; got {got}")
 

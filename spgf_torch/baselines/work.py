@@ -14,12 +14,12 @@ from spgf_torch.progress import console
 
 
 @contextmanager
-def claimed(checkpoints: Path, origin: str) -> Iterator[Path]:
-    """The folder of the run `origin`, which no other run uses meanwhile; the system unlocks it however a run ends.
+def claimed(checkpoints: Path, provenance: str) -> Iterator[Path]:
+    """The folder of the run `provenance`, which no other run uses meanwhile; the system unlocks it however a run ends.
 
     Raises InputError where it cannot be made, or another run of the same settings is at work in it.
     """
-    folder = checkpoints / origin[:16]
+    folder = checkpoints / provenance[:16]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = os.open(folder, os.O_RDONLY)

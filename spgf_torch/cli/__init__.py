@@ -1,1 +1,1 @@
-"""What all commands share: arguments, Hydra, run folders, sweeps, exit status (`door`)."""
+"""What all commands share: arguments, Hydra, run folders, sweeps, exit status (`run_command`)."""

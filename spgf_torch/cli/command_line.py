@@ -1,4 +1,4 @@
-"""A command's arguments, made such that Hydra reads them as they were meant; what is wrong is told in one line.
+"""Translate a command's arguments so that Hydra reads them as they were meant; errors are one line.
 
 Hydra's grammar gives a meaning to blanks, commas, quotes, brackets and `$`. In a setting that is a path they have
 none: any name that the shell passes is taken as it is, also in lists. Other settings are left to the grammar.
@@ -32,12 +32,12 @@ PATHS = _SCENE | _FOLDERS | {"hand.urdf", "hydra.run.dir", "hydra.sweep.dir"}
 NUMBERS = frozenset(["intrinsics", "poses"])
 # What a command is about: where a word without a key belongs.
 SUBJECT = {"predict": "input", "report": "runs", "compare": "runs", "export": "format", "baseline": "export"}
-# Keys that are not Python names, or not theirs: as people give them, and as the settings have them.
+# Keys that are not Python names, or not theirs: as users give them, and as the settings have them.
 ALIASES = {"as": "read_as"}
 # A quoted element of a list, with the blanks around it.
 _ELEMENT_IN_QUOTES = re.compile(r"""\s*(?:'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*")\s*(?=,|$)""", re.DOTALL)
 MOST_COMMAS = 20  # pieces between commas that may belong to the name of one file
-# What people look for under a name that no setting has.
+# Names that users look for and no setting has.
 ELSEWHERE = {"out": "hydra.run.dir=FOLDER names the folder of the run", "output": "hydra.run.dir=FOLDER names it"}
 
 
@@ -243,7 +243,7 @@ def _unquoted(value: str) -> str:
 def _quoted(path: str) -> str:
     """A path as text of Hydra's grammar, whatever characters it has; `~` is the home folder, or a file of that name."""
     if path.startswith("~"):
-        with suppress(RuntimeError):  # ~somebody who is not known here
+        with suppress(RuntimeError):  # ~user of an unknown user
             path = f"./{path}" if _exists(path) else str(Path(path).expanduser())
     if path == "???":  # OmegaConf's word for a value that is missing
         path = "./???"

@@ -25,7 +25,7 @@ class Multirun:
     """Travels to the jobs, wherever a launcher runs them; each leaves a note of how it ended.
 
     Attributes:
-        command: the door.
+        command: its name.
         process: the one that was called.
         notes: folder of one JSON file a job, gone after `summary`; on a cluster all nodes see it.
     """
@@ -40,7 +40,7 @@ class Multirun:
         return Multirun(command, os.getpid(), Path.cwd() / "outputs" / command / f".multirun-{uuid4().hex}")
 
     def job(self, run: Callable[[], Path]) -> None:
-        """Run one job, `run() -> its folder`. Unusable input is told in one line; the other jobs go on."""
+        """Run one job, `run() -> its folder`. Unusable input gives one line; the other jobs go on."""
         hydra = HydraConfig.get()
         number, overrides = int(hydra.job.num), list(hydra.overrides.task)
         if os.getpid() != self.process:

@@ -21,7 +21,7 @@ from spgf_torch.errors import InputError, one_line
 from spgf_torch.progress import console
 
 SETTINGS = "config.yaml"
-# Keys of Hydra that move a run's folder from its usual place, where nobody else writes.
+# Keys of Hydra that move a run's folder from its usual place, where no other run writes.
 MOVED = ("hydra.run.dir=", "hydra.sweep.dir=", "hydra.sweep.subdir=", "hydra.job.name=")
 # What Hydra writes into its own folder in a run's (hydra.output_subdir).
 HYDRAS = ("config.yaml", "hydra.yaml", "overrides.yaml")
@@ -53,8 +53,8 @@ def _look(config: DictConfig, key: str) -> None:
         got = f"{error.strerror}"
     if got:
         # Hydra turns an ordinary exception of a callback into a warning, and goes on.
-        told = f"{folder}: expected a new or an empty folder for the run ({key}), got {got}"
-        print(f"{config.hydra.job.name}: {one_line(told)}", file=sys.stderr)
+        line = f"{folder}: expected a new or an empty folder for the run ({key}), got {got}"
+        print(f"{config.hydra.job.name}: {one_line(line)}", file=sys.stderr)
         sys.exit(2)
 
 
@@ -69,7 +69,7 @@ def claimed() -> Iterator[Path]:
     folder = Path(hydra.runtime.output_dir)
     ours = {SETTINGS, *([hydra.output_subdir] if hydra.output_subdir else [])}
     single = hydra.mode == RunMode.RUN
-    # A job of a sweep is in a folder with the time in its name, unless told otherwise; Hydra made it just now.
+    # A job of a sweep is in a folder with the time in its name, unless set otherwise; Hydra made it just now.
     made = [path.absolute() for path in _made] if single else [] if moved("hydra.sweep.subdir=") else [folder]
     try:
         if {path.name for path in folder.iterdir()} - (ours - {SETTINGS}):

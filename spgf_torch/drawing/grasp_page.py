@@ -45,7 +45,7 @@ def write_scene_page(
         page_path: None: no page, for which plotly is needed.
         points, normals: (M, 3), m and unit, in the input's frame.
         grasps: best first. grippers: `records.grippers_of` the hand. names: a word for each prototype.
-        beside: obstacles, table, and what is told.
+        beside: obstacles, table, and lines of text.
 
     Raises:
         InputError: no points, or points and normals of different shapes.
@@ -56,7 +56,7 @@ def write_scene_page(
     if page_path is None:
         return
     lead = f"<p>{len(grasps)} grasps on a cloud of {len(points):,} points, best first.</p>"
-    lead += "".join(f"<p>{html.escape(line)}</p>" for line in beside.told)
+    lead += "".join(f"<p>{html.escape(line)}</p>" for line in beside.lines)
     sections = [
         Section("scene", "Scene", _scene_html(scene, grippers, names, beside)),
         Section("ranked", "Ranked grasps", _ranked_html(grasps, names, beside.weighed)),
@@ -73,8 +73,8 @@ def _scene_html(scene: Scene, grippers: Mapping[str, Gripper], names: Sequence[s
     )
     eyes = "".join(f'<button data-eye="{eye}">{eye}</button>' for eye in _EYES)
     content = json.dumps(_content(scene, grippers, names, beside.weighed), separators=(",", ":")).replace("</", "<\\/")
-    room = files("spgf_torch.drawing")
-    styles, script = (room.joinpath(name).read_text(encoding="utf-8") for name in ("grasp_page.css", "grasp_page.js"))
+    folder = files("spgf_torch.drawing")
+    styles, script = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("grasp_page.css", "grasp_page.js"))
     return (
         f"<style>\n{styles}</style>"
         + caption(
@@ -104,8 +104,8 @@ def _content(
 ) -> dict[str, Any]:
     """What scene.js draws, as plain values; coordinates in mm."""
     colours = [to_hex(colour) for colour in scene.grasp_colours]
-    told = weighed or [""] * len(scene.grasps)
-    words = [_words(i + 1, grasp, names, told[i]) for i, grasp in enumerate(scene.grasps)]
+    weights = weighed or [""] * len(scene.grasps)
+    words = [_words(i + 1, grasp, names, weights[i]) for i, grasp in enumerate(scene.grasps)]
     hands = [gripper_for(grasp, grippers).shapes for grasp in scene.grasps]
     return {
         "cloud": _cloud(scene),
@@ -208,9 +208,9 @@ def judged_words(grasp: Grasp) -> str:
 
 def _ranked_html(grasps: Sequence[Grasp], names: Sequence[str] | None, weighed: Sequence[str]) -> str:
     judged = any(grasp.judged for grasp in grasps)
-    told = ("judge, and what it weighed most", "shapes that voted", "votes") if judged else ("votes",)
+    columns = ("judge, and what it weighed most", "shapes that voted", "votes") if judged else ("votes",)
     place = ("x (mm)", "y (mm)", "z (mm)", "approach", *(() if judged else ("prototypes",)))
-    head = ("rank", "type", "probability (%)", *told, *place)
+    head = ("rank", "type", "probability (%)", *columns, *place)
     reasons = ["<br>".join(filter(None, pair)) for pair in zip_longest(map(judged_words, grasps), map(_lines, weighed))]
     shapes = [html.escape(voters(grasp, names)) for grasp in grasps]
     rows = [
@@ -250,7 +250,7 @@ def _mm(metres: np.ndarray) -> np.ndarray:
 _WEIGHED = (
     "The judge ranked. What it weighed most: the numbers that moved its probability most, up (+) or down (-), against "
     "what is usual among the hypotheses about the same thing. The local shapes (prototypes) that voted for a grasp are "
-    "told beside it; they take no part in the rank."
+    "shown beside it; they take no part in the rank."
 )
 _EYES = ("front", "left", "right", "back", "above")
 _FRAMES = (

@@ -22,17 +22,19 @@ DRAWN = 6  # grasps of a type: more hide each other
 
 def scene_picture(scene: Scene) -> Figure:
     """The cloud with the best open hands of each type as outlines, red (probability 0) to green (1), with ranks."""
-    kinds = sorted({grasp.type for grasp in scene.grasps}) or [""]
+    grasp_types = sorted({grasp.type for grasp in scene.grasps}) or [""]
     with mpl.rc_context(LETTERS):
-        figure = Figure(figsize=(PANEL[0] * len(kinds), PANEL[1]))
+        figure = Figure(figsize=(PANEL[0] * len(grasp_types), PANEL[1]))
         first: Axes | None = None  # both panels at one scale
-        for place, kind in enumerate(kinds):
-            of_kind = [i for i, grasp in enumerate(scene.grasps) if grasp.type == kind]
-            axis = figure.add_axes((place / len(kinds), 0.12, 1 / len(kinds), 0.81), sharex=first, sharey=first)
+        for place, grasp_type in enumerate(grasp_types):
+            of_type = [i for i, grasp in enumerate(scene.grasps) if grasp.type == grasp_type]
+            axis = figure.add_axes(
+                (place / len(grasp_types), 0.12, 1 / len(grasp_types), 0.81), sharex=first, sharey=first
+            )
             first = axis
-            _panel(axis, scene, of_kind[:DRAWN])
-            shown = f"the best {min(DRAWN, len(of_kind))} of {len(of_kind)}, by rank"
-            axis.set_title(f"{kind}: {shown}" if kind else "no grasp")
+            _panel(axis, scene, of_type[:DRAWN])
+            shown = f"the best {min(DRAWN, len(of_type))} of {len(of_type)}, by rank"
+            axis.set_title(f"{grasp_type}: {shown}" if grasp_type else "no grasp")
         bar_axis = figure.add_axes((0.35, 0.085, 0.3, 0.018))
         shades = ScalarMappable(Normalize(0, 100), scale(SUCCESS_SCALE))
         bar = figure.colorbar(shades, cax=bar_axis, orientation="horizontal")

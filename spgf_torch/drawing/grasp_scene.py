@@ -48,17 +48,17 @@ class Eye:
 
 @dataclass(frozen=True)
 class Beside:
-    """What is drawn and told beside targets and grasps.
+    """What is drawn and written beside targets and grasps.
 
     Attributes:
         obstacles: (K, 3) m, what else was sensed. table: (4,) a, b, c, d, a x + b y + c z + d the height above it, m.
-        told: lines of plain text on how the grasps came about. notes: on the input.
+        lines: of plain text, on how the grasps came about. notes: on the input.
         weighed: of each grasp what a judge weighed, in words; () where none ranked.
     """
 
     obstacles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     table: np.ndarray | None = None
-    told: tuple[str, ...] = ()
+    lines: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     weighed: tuple[str, ...] = ()
 

@@ -1,4 +1,4 @@
-"""Ranked grasps as people read them in a terminal."""
+"""Ranked grasps as a table for a terminal."""
 
 from __future__ import annotations
 

@@ -66,8 +66,8 @@ def page(title: str, lead: str, sections: Sequence[Section]) -> str:
     parts = "\n".join(
         f'<section id="{part.id}"><h2>{html.escape(part.title)}</h2>\n{part.body}\n</section>' for part in sections
     )
-    room = files("spgf_torch.drawing")
-    styles, script = (room.joinpath(name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
+    folder = files("spgf_torch.drawing")
+    styles, script = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'

@@ -48,7 +48,7 @@ LETTERS: Any = {  # matplotlib types its keys by version
 
 
 def scale(stops: Sequence[tuple[float, str]]) -> LinearSegmentedColormap:
-    """A colour scale of (position in [0, 1], colour) as matplotlib wants it."""
+    """A colour scale of (position in [0, 1], colour) in matplotlib's form."""
     return LinearSegmentedColormap.from_list("scale", list(stops))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.proposing.weighing import Weight
 
-SHOWN = 3  # numbers that are told of a grasp
+SHOWN = 3  # numbers that are shown of a grasp
 # Name of a number (`judge_features`) -> words, how it is printed and what it is multiplied by before.
 _PERCENT, _MM, _PLAIN = ("{:.0f} %", 100.0), ("{:.0f} mm", 1000.0), ("{:.2f}", 1.0)
 _WORDS: dict[str, tuple[str, tuple[str, float]]] = {
@@ -47,12 +47,12 @@ _WORDS: dict[str, tuple[str, tuple[str, float]]] = {
 
 def weighed_words(weights: Sequence[Weight]) -> str:
     """The numbers that moved the judge most: `+ unseen space in the worse finger 0 % (usual 31 %)`; minus: against."""
-    told = []
+    lines = []
     for weight in weights[:SHOWN]:
         words, (form, factor) = _WORDS.get(weight.name, (weight.name, _PLAIN))
         if weight.name == "type":
             value, usual = (GRASP_TYPES[round(number)] for number in (weight.value, weight.usual))
         else:
             value, usual = (form.format(factor * number + 0.0) for number in (weight.value, weight.usual))
-        told.append(f"{'+' if weight.moved > 0 else '-'} {words} {value} (usual {usual})")
-    return "; ".join(told)
+        lines.append(f"{'+' if weight.moved > 0 else '-'} {words} {value} (usual {usual})")
+    return "; ".join(lines)

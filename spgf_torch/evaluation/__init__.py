@@ -1,4 +1,4 @@
-"""Folds, success-rates, intervals, and the files and tables that show them (paper, section 4, Eq. 10, Table 1).
+"""Folds, predictions, success-rates, intervals, and the files and tables of them (paper, section 4, Eq. 10, Table 1).
 
-Pure functions on numbers: nothing here learns or simulates.
+Nothing here learns or simulates.
 """

@@ -82,10 +82,10 @@ def _rates(results: Mapping[str, Any]) -> str:
     rows = ["| class | " + " | ".join(TYPES) + " | random NPG | random WPG |", "|---|" + "---|" * 5]
     for name in (name for name in (*CLASSES, "all") if name in rates):
         cells = [
-            f"{100 * rates[name][kind]:.1f} ({100 * intervals[name][kind][0]:.0f}-{100 * intervals[name][kind][1]:.0f})"
-            for kind in TYPES
+            f"{100 * rates[name][grasp_type]:.1f} ({100 * low:.0f}-{100 * high:.0f})"
+            for grasp_type, (low, high) in ((each, intervals[name][each]) for each in TYPES)
         ]
-        cells += [f"{100 * results['random'][name][kind]:.1f}" for kind in ("NPG", "WPG")]
+        cells += [f"{100 * results['random'][name][grasp_type]:.1f}" for grasp_type in ("NPG", "WPG")]
         rows.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(rows)
 
@@ -95,7 +95,7 @@ def _calibration(results: Mapping[str, Any]) -> str:
         "| type | Brier score, as voted | calibrated | calibration error, as voted | calibrated |",
         "|---|" + "---|" * 4,
     ]
-    for kind, block in results["calibration"].items():
+    for grasp_type, block in results["calibration"].items():
         values = [block[name] for name in ("brier_before", "brier", "ece_before", "ece")]
-        rows.append(f"| {kind} | " + " | ".join(f"{value:.3f}" for value in values) + " |")
+        rows.append(f"| {grasp_type} | " + " | ".join(f"{value:.3f}" for value in values) + " |")
     return "\n".join(rows)

@@ -50,20 +50,21 @@ def executed_results(outcomes: Sequence[ObjectOutcome], config: EvaluateConfig) 
 
 
 def judged_results(
-    held: Sequence[np.ndarray], said: Sequence[np.ndarray] | None, config: EvaluateConfig
+    success: Sequence[np.ndarray], probability: Sequence[np.ndarray] | None, config: EvaluateConfig
 ) -> dict[str, Any]:
     """More of `results.json` where a judge ranked, or things stood on a table; of the best CG grasps of each object.
 
     Args:
-        held: of each object (<= N,) bool, best first. said: (<= N,) probabilities of a judge; None: the votes ranked.
+        success: of each object (<= N,) bool, best first.
+        probability: of each (<= N,) float, as a judge has it; None: the votes ranked.
     """
-    first = [float(ran[0]) if len(ran) else 0.0 for ran in held]
+    first = [float(ran[0]) if len(ran) else 0.0 for ran in success]
     found: dict[str, Any] = {"judge": config.judge, "table": config.table, "top1": float(np.mean(first))}
     # Of fewer grasps than N those that are missing count as failures.
-    found["top_N"] = float(np.mean([ran.sum() / config.N for ran in held]))
-    if said is not None:
-        p, success = np.concatenate(said), np.concatenate(held)
-        found |= {"predicted": float(p.mean()) if len(p) else 0.0, "ece": reliability(p, success).ece}
+    found["top_N"] = float(np.mean([ran.sum() / config.N for ran in success]))
+    if probability is not None:
+        p, outcomes = np.concatenate(probability), np.concatenate(success)
+        found |= {"predicted": float(p.mean()) if len(p) else 0.0, "ece": reliability(p, outcomes).ece}
     return {"judged": found}
 
 

@@ -12,14 +12,16 @@ _ROWS = {
 }
 _RANDOM = (10.6, 11.5, None, 4.8, 46.6, None, 4.4, 51.3, None, 7.0, 34.1, None)
 
-_COLUMNS = [(name, kind) for name in ("containers", "boxes", "curved", "all") for kind in ("NPG", "WPG", "CG")]
+_COLUMNS = [
+    (name, grasp_type) for name in ("containers", "boxes", "curved", "all") for grasp_type in ("NPG", "WPG", "CG")
+]
 
 
 def _table(row: tuple[float | None, ...]) -> dict[str, dict[str, float]]:
     table: dict[str, dict[str, float]] = {}
-    for (name, kind), rate in zip(_COLUMNS, row, strict=True):
+    for (name, grasp_type), rate in zip(_COLUMNS, row, strict=True):
         if rate is not None:
-            table.setdefault(name, {})[kind] = rate
+            table.setdefault(name, {})[grasp_type] = rate
     return table
 
 

@@ -32,11 +32,11 @@ class Reliability:
 
 def reliability(probability: np.ndarray, success: np.ndarray, bins: int = BINS) -> Reliability:
     """The diagram of probabilities (G,) in [0, 1] against outcomes (G,) bool."""
-    p, held = probability.astype(np.float64), success.astype(np.float64)
+    p, outcome = probability.astype(np.float64), success.astype(np.float64)
     which = np.clip((p * bins).astype(np.int64), 0, bins - 1)
     count = np.bincount(which, minlength=bins)
     filled = np.where(count > 0, count, np.nan)
-    return Reliability(np.bincount(which, p, bins) / filled, np.bincount(which, held, bins) / filled, count)
+    return Reliability(np.bincount(which, p, bins) / filled, np.bincount(which, outcome, bins) / filled, count)
 
 
 def brier(probability: np.ndarray, success: np.ndarray) -> float:

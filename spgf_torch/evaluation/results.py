@@ -6,13 +6,12 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from spgf_torch.affordance.config import JUDGE, NESTED
 from spgf_torch.errors import InputError
-from spgf_torch.evaluation.novel import Novel
 from spgf_torch.evaluation.reliability import brier, reliability
 from spgf_torch.evaluation.success import (
     Rates,
@@ -28,6 +27,9 @@ from spgf_torch.files.reading import json_values
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.config import CLASSES
 
+if TYPE_CHECKING:
+    from spgf_torch.evaluation.predictions import Predictions
+
 SCHEMA = 1
 
 
@@ -41,18 +43,18 @@ class ObjectRates:
     ceiling: Rates
 
 
-def object_rates(novel: Novel, n: int) -> ObjectRates:
+def object_rates(predictions: Predictions, n: int) -> ObjectRates:
     """Top-n success-rates of every ranking on one object, chance and ceiling."""
-    success, grasp_type = novel.success, novel.grasp_type
+    success, grasp_type = predictions.success, predictions.grasp_type
     return ObjectRates(
-        {name: top_n(score, success, grasp_type, n) for name, score in novel.scores.items()},
+        {name: top_n(score, success, grasp_type, n) for name, score in predictions.scores.items()},
         random_rate(success, grasp_type),
-        random_rate(success, grasp_type, ~novel.collides),
+        random_rate(success, grasp_type, ~predictions.collides),
         ceiling(success, grasp_type, n),
     )
 
 
-def build_results(objects: Sequence[Novel], config: TrainConfig, dataset: str) -> dict[str, Any]:
+def build_results(objects: Sequence[Predictions], config: TrainConfig, dataset: str) -> dict[str, Any]:
     """The content of `results.json` but for `seconds`: rates are fractions; `dataset` names objects and trials."""
     classes, rates = [o.category for o in objects], [object_rates(o, config.N) for o in objects]
     rankings = {name: [r.by_ranking[name] for r in rates] for name in objects[0].scores}
@@ -61,7 +63,7 @@ def build_results(objects: Sequence[Novel], config: TrainConfig, dataset: str) -
         name: bootstrap_interval(classes, of_objects, config.bootstrap, config.seed)
         for name, of_objects in rankings.items()
     }
-    random = class_means(classes, [{kind: r.random[kind] for kind in GRASP_TYPES} for r in rates])
+    random = class_means(classes, [{name: r.random[name] for name in GRASP_TYPES} for r in rates])
     return {
         "schema": SCHEMA,
         "K": config.K,
@@ -84,7 +86,7 @@ def build_results(objects: Sequence[Novel], config: TrainConfig, dataset: str) -
 
 
 def judge_blocks(
-    objects: Sequence[Novel], rates: Mapping[str, Sequence[Rates]], config: TrainConfig
+    objects: Sequence[Predictions], rates: Mapping[str, Sequence[Rates]], config: TrainConfig
 ) -> dict[str, dict[str, Any]]:
     """What `results.json` holds more where a judge ranked: its paired difference to the votes, and its calibration.
 
@@ -95,11 +97,11 @@ def judge_blocks(
     draws = (config.bootstrap, config.seed)
     mean, interval = paired_difference(classes, rates[JUDGE], rates[NESTED], *draws)
     block = {}
-    for code, kind in enumerate(GRASP_TYPES):
+    for code, name in enumerate(GRASP_TYPES):
         judged = [(o.grasp_type == code) & (o.scores[JUDGE] >= 0) for o in objects]
-        said = np.concatenate([o.scores[JUDGE][mask] for o, mask in zip(objects, judged, strict=True)])
-        held = np.concatenate([o.success[mask] for o, mask in zip(objects, judged, strict=True)])
-        block[kind] = {"candidates": len(said), "brier": brier(said, held), "ece": reliability(said, held).ece}
+        p = np.concatenate([o.scores[JUDGE][mask] for o, mask in zip(objects, judged, strict=True)])
+        success = np.concatenate([o.success[mask] for o, mask in zip(objects, judged, strict=True)])
+        block[name] = {"candidates": len(p), "brier": brier(p, success), "ece": reliability(p, success).ece}
     return {
         "judge_minus_nested": {"mean": mean, "interval95": interval},
         "calibration_by_ranking": {JUDGE: block},
@@ -112,17 +114,17 @@ def chosen_words(chosen: Mapping[str, str]) -> str:
     return ", ".join(f"{name} in {count} of {len(chosen)} folds" for name, count in counts)
 
 
-def calibration_block(objects: Sequence[Novel]) -> dict[str, Rates]:
+def calibration_block(objects: Sequence[Predictions]) -> dict[str, Rates]:
     """Brier score and expected calibration error on the grasps of novel objects, before and after calibration."""
     block = {}
-    for code, kind in enumerate(GRASP_TYPES):
+    for code, grasp_type in enumerate(GRASP_TYPES):
         chosen = [o.grasp_type == code for o in objects]
         success, before, after = (
             np.concatenate([getattr(o, name)[mask] for o, mask in zip(objects, chosen, strict=True)])
             for name in ("success", "probability_before", "probability")
         )
-        block[kind] = {"brier_before": brier(before, success), "brier": brier(after, success)}
-        block[kind] |= {"ece_before": reliability(before, success).ece, "ece": reliability(after, success).ece}
+        block[grasp_type] = {"brier_before": brier(before, success), "brier": brier(after, success)}
+        block[grasp_type] |= {"ece_before": reliability(before, success).ece, "ece": reliability(after, success).ece}
     return block
 
 

@@ -43,7 +43,7 @@ def random_rate(success: np.ndarray, grasp_type: np.ndarray, among: np.ndarray |
     """
     kept = np.ones(len(success), dtype=bool) if among is None else among
     chosen = {name: success[kept & of_type(grasp_type, name)] for name in TYPES}
-    return {name: float(held.mean()) if len(held) else 0.0 for name, held in chosen.items()}
+    return {name: float(its.mean()) if len(its) else 0.0 for name, its in chosen.items()}
 
 
 def ceiling(success: np.ndarray, grasp_type: np.ndarray, n: int) -> Rates:
@@ -54,7 +54,7 @@ def ceiling(success: np.ndarray, grasp_type: np.ndarray, n: int) -> Rates:
 def class_means(classes: Sequence[str], rates: Sequence[Mapping[str, float]]) -> dict[str, Rates]:
     """Mean over the objects of each class, and over all objects (as in the paper: Table 1's "all")."""
     return {
-        name: {kind: float(np.mean([rates[i][kind] for i in members])) for kind in rates[0]}
+        name: {grasp_type: float(np.mean([rates[i][grasp_type] for i in members])) for grasp_type in rates[0]}
         for name, members in _members(classes).items()
     }
 
@@ -67,10 +67,10 @@ def bootstrap_interval(
     "all" is the mean over the resampled classes together: their sizes are part of the design, not of chance.
     """
     rng = np.random.default_rng(seed)
-    kinds = list(rates[0])
-    values = np.array([[rate[kind] for kind in kinds] for rate in rates])
+    grasp_types = list(rates[0])
+    values = np.array([[rate[grasp_type] for grasp_type in grasp_types] for rate in rates])
     means: dict[str, np.ndarray] = {}
-    total, count = np.zeros((resamples, len(kinds))), 0
+    total, count = np.zeros((resamples, len(grasp_types))), 0
     for name, members in _members(classes).items():
         if name == "all":
             continue
@@ -80,7 +80,7 @@ def bootstrap_interval(
         total, count = total + sums, count + len(members)
     means["all"] = total / count
     return {
-        name: {kind: np.quantile(mean[:, j], (0.025, 0.975)).tolist() for j, kind in enumerate(kinds)}
+        name: {grasp_type: np.quantile(mean[:, j], (0.025, 0.975)).tolist() for j, grasp_type in enumerate(grasp_types)}
         for name, mean in means.items()
     }
 
@@ -97,7 +97,7 @@ def paired_difference(
     What an object contributes to both cancels: the interval is that of the difference, not of two unrelated means.
     """
     pairs = zip(ours, theirs, strict=True)
-    differences = [{kind: mine[kind] - other[kind] for kind in mine} for mine, other in pairs]
+    differences = [{grasp_type: mine[grasp_type] - other[grasp_type] for grasp_type in mine} for mine, other in pairs]
     return class_means(classes, differences), bootstrap_interval(classes, differences, resamples, seed)
 
 

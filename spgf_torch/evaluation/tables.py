@@ -47,19 +47,22 @@ def results_table(results: Mapping[str, Any], rankings: Sequence[str] | None = N
     for heading in [*headings, "random\npaper", "random\nours", "random\nfree", "ceil-\ning"]:
         table.add_column(heading, justify="right", no_wrap=True)
     for name in (name for name in (*CLASSES, "all") if name in results["by_ranking"][rankings[0]]):
-        for kind in TYPES:
+        for grasp_type in TYPES:
             ours = [
-                f"{_percent(results['by_ranking'][ranking], name, kind)} "
-                f"{_interval(results['interval95_by_ranking'][ranking], name, kind)}"
+                f"{_percent(results['by_ranking'][ranking], name, grasp_type)} "
+                f"{_interval(results['interval95_by_ranking'][ranking], name, grasp_type)}"
                 for ranking in rankings
             ]
             table.add_row(
-                f"{SHORT.get(name, name)} {kind}",
-                _percent(paper.SUCCESS_RATE.get(K, {}), name, kind, scale=1),
+                f"{SHORT.get(name, name)} {grasp_type}",
+                _percent(paper.SUCCESS_RATE.get(K, {}), name, grasp_type, scale=1),
                 *ours,
-                _percent(paper.RANDOM, name, kind, scale=1),
-                *(_percent(results[block], name, kind) for block in ("random", "random_collision_free", "ceiling")),
-                end_section=kind == TYPES[-1],
+                _percent(paper.RANDOM, name, grasp_type, scale=1),
+                *(
+                    _percent(results[block], name, grasp_type)
+                    for block in ("random", "random_collision_free", "ceiling")
+                ),
+                end_section=grasp_type == TYPES[-1],
             )
     return table
 
@@ -72,7 +75,7 @@ def chosen_line(results: Mapping[str, Any]) -> str:
 def calibration_line(results: Mapping[str, Any]) -> str:
     """Expected calibration error of each type, in a line."""
     blocks = results["calibration"].items()
-    told = ", ".join(f"{kind} {block['ece']:.3f} (as voted {block['ece_before']:.3f})" for kind, block in blocks)
+    told = ", ".join(f"{name} {block['ece']:.3f} (as voted {block['ece_before']:.3f})" for name, block in blocks)
     return f"expected calibration error of the probabilities: {told}"
 
 
@@ -83,7 +86,7 @@ def judge_lines(results: Mapping[str, Any]) -> list[str]:
     change = results["judge_minus_nested"]
     mean, (low, high) = change["mean"]["all"]["CG"], change["interval95"]["all"]["CG"]
     blocks = results["calibration_by_ranking"][JUDGE].items()
-    told = ", ".join(f"{kind} {block['ece']:.3f}" for kind, block in blocks)
+    told = ", ".join(f"{grasp_type} {block['ece']:.3f}" for grasp_type, block in blocks)
     return [
         "judge: learned from the same trials, not from votes; it also knows unseen space and which trials collided",
         f"judge minus nested, CG, all: {100 * mean:+.1f} points ({100 * low:+.1f} to {100 * high:+.1f}, paired)",
@@ -93,11 +96,11 @@ def judge_lines(results: Mapping[str, Any]) -> list[str]:
 
 def random_rates(classes: Sequence[str], success: Sequence[Any], grasp_type: Sequence[Any]) -> Table:
     """Chance in a trial table beside the paper's: of each object its class, success (G,) bool, type (G,) int."""
-    rates = [random_rate(np.asarray(held), np.asarray(kind)) for held, kind in zip(success, grasp_type, strict=True)]
-    ours = class_means(classes, [{kind: rate[kind] for kind in GRASP_TYPES} for rate in rates])
+    rates = [random_rate(*map(np.asarray, columns)) for columns in zip(success, grasp_type, strict=True)]
+    ours = class_means(classes, [{name: rate[name] for name in GRASP_TYPES} for rate in rates])
     table = Table("", "paper", "this table", title="Success-rate (%) of a random candidate", box=box.SIMPLE_HEAD)
-    for name, kind in ((name, kind) for name in ours for kind in GRASP_TYPES):
-        table.add_row(f"{name} {kind}", _percent(paper.RANDOM, name, kind, scale=1), _percent(ours, name, kind))
+    for row in ((category, name) for category in ours for name in GRASP_TYPES):
+        table.add_row(" ".join(row), _percent(paper.RANDOM, *row, scale=1), _percent(ours, *row))
     return table
 
 
@@ -108,13 +111,12 @@ def executed_table(results: Mapping[str, Any]) -> Table:
     table.add_column("class")
     for name in ("NPG", "WPG", "CG", "random NPG", "random WPG", "random CG"):
         table.add_column(name, justify="right")
-    kinds = ("NPG", "WPG", "CG")
     for row in results["per_object"]:
-        rates = [row[kind] for kind in kinds] + [row["random"][kind] for kind in kinds]
+        rates = [block[grasp_type] for block in (row, row["random"]) for grasp_type in TYPES]
         table.add_row(row["object"], row["class"], *(f"{100 * rate:.1f}" for rate in rates))
     table.add_section()
     for name, block in results["success_rate"].items():
-        rates = [block[kind] for kind in kinds] + [results["random"][name][kind] for kind in kinds]
+        rates = [its[grasp_type] for its in (block, results["random"][name]) for grasp_type in TYPES]
         table.add_row("mean", name, *(f"{100 * rate:.1f}" for rate in rates))
     low, high = results["interval95"]["all"]["CG"]
     table.caption = f"CG, all: 95 % interval over objects {100 * low:.0f} to {100 * high:.0f} %"
@@ -141,11 +143,11 @@ def scans_table(scans: Sequence[Scan]) -> Table:
     return table
 
 
-def _percent(block: Block, name: str, kind: str, scale: float = 100) -> str:
-    rate = block.get(name, {}).get(kind)
+def _percent(block: Block, name: str, grasp_type: str, scale: float = 100) -> str:
+    rate = block.get(name, {}).get(grasp_type)
     return "-" if rate is None else f"{scale * rate:.1f}"
 
 
-def _interval(block: Mapping[str, Mapping[str, Sequence[float]]], name: str, kind: str) -> str:
-    low, high = block[name][kind]
+def _interval(block: Mapping[str, Mapping[str, Sequence[float]]], name: str, grasp_type: str) -> str:
+    low, high = block[name][grasp_type]
     return f"({100 * low:.0f}-{100 * high:.0f})"

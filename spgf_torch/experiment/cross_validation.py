@@ -8,46 +8,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from spgf_torch.affordance.calibration import Calibration, fit_calibration
-from spgf_torch.affordance.config import NESTED, RANKINGS, AffordanceConfig
-from spgf_torch.affordance.ranking import Judged, rankings
-from spgf_torch.experiment.describe import Described
+from spgf_torch.affordance.config import RANKINGS, AffordanceConfig
+from spgf_torch.affordance.ranking import GraspScores
+from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.experiment.execution import best_grasps
-from spgf_torch.experiment.training_set import Example, TrainedSpace
-
-
-@dataclass(frozen=True)
-class Predicted:
-    """What a model that had not seen an object said of its grasps.
-
-    Attributes:
-        judged: votes and their combinations.
-        scores: name of `config.RANKINGS`, `config.NESTED`, or one that joined -> (G,) f32.
-        probability (G,) f32: calibrated.
-        chosen: the ranking that the training folds chose.
-    """
-
-    judged: Judged
-    scores: dict[str, Tensor]
-    probability: Tensor
-    chosen: str
-
-    def joined_by(self, name: str, score: Tensor) -> Predicted:
-        """The same with the scores (G,) of another ranking, which was not among those to choose from."""
-        return replace(self, scores={**self.scores, name: score})
+from spgf_torch.experiment.training_space import TrainingSpace
 
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """How to learn from training folds, and how to judge the rankings inside them.
+    """How to learn from training folds, and how to choose among the rankings inside them.
 
     Attributes:
-        inner_grasps: of each training object, calibrate and judge rankings: a random sample, to save time.
+        inner_grasps: of each training object, calibrate and choose rankings: a random sample, to save time.
         N: highest-ranked grasps that count. Of the sample the same share counts as N is of all.
     """
 
@@ -57,48 +36,42 @@ class CrossValidation:
     seed: int
 
     def predict(
-        self, groups: Sequence[Sequence[Example]], centres: Tensor, novel: Sequence[Described]
-    ) -> tuple[list[Predicted], Calibration]:
-        """Learn from the training folds and their prototypes (K, D), and judge the grasps of novel objects.
+        self, groups: Sequence[Sequence[DescribedObject]], centres: Tensor, novel: Sequence[DescribedObject]
+    ) -> tuple[list[GraspScores], Calibration]:
+        """Learn from the training folds and their prototypes (K, D), and score the grasps of novel objects.
 
         The calibration is that of the training folds.
         """
-        space = TrainedSpace(groups, centres, self.affordance)
+        space = TrainingSpace(groups, centres, self.affordance)
         calibration, chosen = self.nested(space, groups)
-        judged = space.judge(novel, [None] * len(novel))
-        return [predicted(each, calibration, chosen) for each in judged], calibration
+        scores = space.score_grasps(novel, [None] * len(novel))
+        return [each.calibrated(calibration).with_chosen(chosen) for each in scores], calibration
 
-    def nested(self, space: TrainedSpace, groups: Sequence[Sequence[Example]]) -> tuple[Calibration, str]:
+    def nested(self, space: TrainingSpace, groups: Sequence[Sequence[DescribedObject]]) -> tuple[Calibration, str]:
         """Calibration and choice of the ranking on training objects, each group held out from the others."""
         generator = torch.Generator().manual_seed(self.seed)
-        train, without = [e for group in groups for e in group], [i for i, group in enumerate(groups) for _ in group]
-        sampled = [e.of_grasps(e.sample(self.inner_grasps, generator)) for e in train]
-        judged, success = space.judge([e.described for e in sampled], without), [e.success for e in sampled]
-        calibration = calibrate(judged, success)
-        share = sum(map(len, success)) / sum(len(example.success) for example in train)
-        return calibration, choose(judged, success, calibration, math.ceil(self.N * share))
+        train = [obj for group in groups for obj in group]
+        excluded_groups = [i for i, group in enumerate(groups) for _ in group]
+        sampled = [obj.of_grasps(obj.sample(self.inner_grasps, generator)) for obj in train]
+        scores, success = space.score_grasps(sampled, excluded_groups), [obj.outcomes for obj in sampled]
+        calibration = calibrate(scores, success)
+        share = sum(map(len, success)) / sum(map(len, train))
+        return calibration, choose(scores, success, calibration, math.ceil(self.N * share))
 
 
-def predicted(judged: Judged, calibration: Calibration, chosen: str) -> Predicted:
-    """Every ranking's scores, and the calibrated probability."""
-    scores = rankings(judged, calibration)
-    probability = calibration.probability(judged.log_odds, judged.grasp_type, judged.collides)
-    return Predicted(judged, {**scores, NESTED: scores[chosen]}, probability, chosen)
-
-
-def calibrate(judged: Sequence[Judged], success: Sequence[Tensor]) -> Calibration:
+def calibrate(scores: Sequence[GraspScores], success: Sequence[Tensor]) -> Calibration:
     """Calibration on grasps of objects that were held out; success: of each object (G,) bool."""
-    score, grasp_type, collides = (
-        torch.cat([getattr(j, name) for j in judged]) for name in ("log_odds", "grasp_type", "collides")
+    log_odds, grasp_type, collides = (
+        torch.cat([getattr(each, name) for each in scores]) for name in ("log_odds", "grasp_type", "collides")
     )
-    return fit_calibration(score, grasp_type, collides, torch.cat(list(success)))
+    return fit_calibration(log_odds, grasp_type, collides, torch.cat(list(success)))
 
 
-def choose(judged: Sequence[Judged], success: Sequence[Tensor], calibration: Calibration, n: int) -> str:
+def choose(scores: Sequence[GraspScores], success: Sequence[Tensor], calibration: Calibration, n: int) -> str:
     """The ranking whose n best grasps of both types together succeed most often; the first of equals."""
     rates = dict.fromkeys(RANKINGS, 0.0)
-    for j, held in zip(judged, success, strict=True):
-        for name, score in rankings(j, calibration).items():
-            best = best_grasps(score, j.grasp_type, n)["CG"]
-            rates[name] += float(held[best].float().sum()) / max(1, len(best))
+    for each, outcomes in zip(scores, success, strict=True):
+        for name, score in each.calibrated(calibration).by_ranking.items():
+            best = best_grasps(score, each.grasp_type, n)["CG"]
+            rates[name] += float(outcomes[best].float().sum()) / max(1, len(best))
     return max(rates, key=lambda name: rates[name])

@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import torch
 from torch import Tensor
@@ -17,13 +17,14 @@ from torch import Tensor
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.pairs import CellPairs, cell_pairs
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
-from spgf_torch.cache import Cache, fingerprint, program
+from spgf_torch.cache import Cache, code_fingerprint, fingerprint
+from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor, library
 from spgf_torch.features.interface import VectorFeatures
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.texlets import Texlets
@@ -51,32 +52,18 @@ class Grasps:
     grasp_type: Tensor
 
 
-@dataclass(frozen=True)
-class Described:
-    """One object as the learner sees it.
-
-    Attributes:
-        relations (F, D) f32: the relational part of its features.
-        pairs: its features' pairs with the grasps.
-        collides (G,) bool: a sensed point lies inside the open hand.
-    """
-
-    relations: Tensor
-    pairs: CellPairs
-    collides: Tensor
+class GraspPoses(Protocol):
+    """Grasps on one object, tried (`TrialTable`) or not (`Grasps`)."""
 
     @property
-    def grasp_type(self) -> Tensor:
-        """(G,) int64: index into `config.GRASP_TYPES`."""
-        return self.pairs.grasp_type
+    def T_object_tcp(self) -> Tensor: ...  # noqa: N802
 
-    def of_grasps(self, chosen: Tensor) -> Described:
-        """With the grasps `chosen` (C,) int64 alone."""
-        return Described(self.relations, self.pairs.of_grasps(chosen), self.collides[chosen])
+    @property
+    def grasp_type(self) -> Tensor: ...
 
 
 @dataclass(frozen=True)
-class Description:
+class Describer:
     """The settings and the hand that describe objects, and the cache that keeps what they are described by."""
 
     sensing: SensingConfig
@@ -87,11 +74,13 @@ class Description:
     device: str = "cpu"
     cache: Cache = field(default_factory=lambda: Cache(None))
 
-    def describe(self, objects: Sequence[GraspObject], grasps: Sequence[Grasps], stages: Stages) -> list[Described]:
+    def describe(
+        self, objects: Sequence[GraspObject], grasps: Sequence[GraspPoses], stages: ProgressReporter
+    ) -> list[DescribedObject]:
         """Sense objects, compute features, pair these with grasps, look for collisions; a stage of progress each."""
-        all_steps = [Steps(self, obj, tried) for obj, tried in zip(objects, grasps, strict=True)]
+        all_steps = [CachedSteps(self, *each) for each in zip(objects, grasps, strict=True)]
 
-        def in_turn(stage: str, work: Callable[[Steps], T], *made: str) -> list[T]:
+        def in_turn(stage: str, work: Callable[[CachedSteps], T], *made: str) -> list[T]:
             def kept() -> str:
                 count = sum(not steps.made & set(made) for steps in all_steps)
                 return f", {count} from the cache" if count else ""
@@ -99,57 +88,61 @@ class Description:
             with stages.stage(stage, len(objects), "objects", kept) as advance:
                 return [(advance(1), done)[1] for done in in_parts(work, all_steps, THREADS)]
 
-        in_turn("sensing", Steps.sense_if_needed, "texlets")
+        in_turn("sensing", CachedSteps.sense_if_needed, "texlets")
         in_turn("features", lambda steps: steps.features, "features")
         in_turn("particles", lambda steps: steps.pairs, "pairs")
         in_turn("collisions", lambda steps: steps.collides, "collisions")
         return [steps.described() for steps in all_steps]
 
 
-class once(Generic[T]):  # noqa: N801
+class cached_step(Generic[T]):  # noqa: N801
     """A property that is computed when first asked for: `functools.cached_property` as from Python 3.12 on.
 
-    Before, that holds one lock for all objects of a class, and no two threads would ever describe at once.
+    In Python 3.11 that holds one lock for all objects of a class, and no two threads would ever describe at once.
     """
 
     def __init__(self, make: Callable[[Any], T]) -> None:
         self.make, self.__doc__ = make, make.__doc__
 
-    def __get__(self, owner: Any, kind: type | None = None) -> T:
+    def __get__(self, owner: Any, owner_type: type | None = None) -> T:
         value = owner.__dict__[self.make.__name__] = self.make(owner)
         return value
 
 
-class Steps:
+class CachedSteps:
     """The steps of describing one object; each is read from the cache or made when it is first asked for.
 
     A step's key holds the keys of the steps before it, so nothing need be sensed to find what was made of it.
     """
 
-    def __init__(self, settings: Description, obj: GraspObject, grasps: Grasps) -> None:
+    def __init__(self, settings: Describer, obj: GraspObject, grasps: GraspPoses) -> None:
         self.settings, self.obj, self.grasps = settings, obj, grasps
         self.pairing = AffordanceConfig(**{name: getattr(settings.affordance, name) for name in PAIRING})
         self.made: set[str] = set()
         surface = (obj.name, obj.mesh.vertices, obj.mesh.faces)
-        device, seed, tried = torch.device(settings.device).type, settings.seed, fingerprint(grasps)
+        device, seed, poses = (
+            torch.device(settings.device).type,
+            settings.seed,
+            fingerprint(grasps.T_object_tcp, grasps.grasp_type),
+        )
         texlets = _key(sense, surface, settings.sensing, seed)
         describes, needs = descriptor(settings.features), library(settings.features)
         features = _key(describes, texlets, settings.features, needs, seed, device)
         self.keys = {
             "texlets": texlets,
             "features": features,
-            "pairs": _key(cell_pairs, features, tried, self.pairing, seed, device),
-            "collisions": _key(sensed_collision, texlets, tried, settings.volumes, device),
+            "pairs": _key(cell_pairs, features, poses, self.pairing, seed, device),
+            "collisions": _key(sensed_collision, texlets, poses, settings.volumes, device),
         }
 
-    @once
+    @cached_step
     def texlets(self) -> Texlets:
         """What the cameras see, on the CPU."""
         return Texlets(
             **self._kept("texlets", lambda: vars(sense(self.obj, self.settings.sensing, self.settings.seed)))
         )
 
-    @once
+    @cached_step
     def features(self) -> VectorFeatures:
         """The features of the texlets that have a neighbour."""
 
@@ -164,7 +157,7 @@ class Steps:
         valid = torch.ones(len(kept["T"]), dtype=torch.bool, device=kept["T"].device)
         return VectorFeatures(kept["T"], kept["relations"], valid)
 
-    @once
+    @cached_step
     def pairs(self) -> CellPairs:
         """Pairs of features and grasps."""
         grasp_type = self.grasps.grasp_type.to(self.settings.device)
@@ -177,7 +170,7 @@ class Steps:
 
         return CellPairs(**self._kept("pairs", make), grasp_type=grasp_type)
 
-    @once
+    @cached_step
     def collides(self) -> Tensor:
         """(G,) bool: the grasps at which a sensed point lies inside the open hand."""
 
@@ -185,39 +178,39 @@ class Steps:
             device = self.settings.device
             points, T = self.texlets.positions.to(device), self.grasps.T_object_tcp.to(device)
             collides = torch.zeros(len(T), dtype=torch.bool, device=device)
-            for code, kind in enumerate(GRASP_TYPES):
+            for code, name in enumerate(GRASP_TYPES):
                 of_type = self.grasps.grasp_type.to(device) == code
-                collides[of_type] = sensed_collision(points, T[of_type], self.settings.volumes[kind])
+                collides[of_type] = sensed_collision(points, T[of_type], self.settings.volumes[name])
             return {"collides": collides}
 
         return self._kept("collisions", make)["collides"]
 
     def sense_if_needed(self) -> None:
         """Sense the object unless all that follows from the texlets is in the cache."""
-        if not all(self.settings.cache.holds(kind, self.keys[kind]) for kind in ("features", "collisions")):
+        if not all(self.settings.cache.holds(step, self.keys[step]) for step in ("features", "collisions")):
             self.texlets  # noqa: B018
 
-    def described(self) -> Described:
-        """The object as the learner sees it."""
-        return Described(self.features.relations(), self.pairs, self.collides)
+    def described(self) -> DescribedObject:
+        """The object as the learner sees it, without outcomes."""
+        return DescribedObject(self.features.relations(), self.pairs, self.collides)
 
     def generator(self, stream: int) -> torch.Generator:
         """The object's own random stream: free of the order of objects."""
         name = f"{self.settings.seed}/{stream}/{self.obj.name}"
         return torch.Generator().manual_seed(zlib.crc32(name.encode()))
 
-    def _kept(self, kind: str, make: Callable[[], dict[str, Tensor]]) -> dict[str, Tensor]:
+    def _kept(self, step: str, make: Callable[[], dict[str, Tensor]]) -> dict[str, Tensor]:
         """The tensors of a step on the settings' device, but for texlets, which are on the CPU."""
 
         def noted() -> dict[str, Tensor]:
-            self.made.add(kind)
+            self.made.add(step)
             return make()
 
-        tensors = self.settings.cache.tensors(kind, self.keys[kind], noted)
-        device = "cpu" if kind == "texlets" else self.settings.device
+        tensors = self.settings.cache.tensors(step, self.keys[step], noted)
+        device = "cpu" if step == "texlets" else self.settings.device
         return {name: tensor.to(device) for name, tensor in tensors.items()}
 
 
 def _key(compute: Callable[..., Any], *parts: Any) -> str:
     """The key of what the function `compute` of another room makes of `parts`."""
-    return fingerprint(program(compute.__module__), Path(__file__).read_bytes(), GRASP_TYPES, *parts)
+    return fingerprint(code_fingerprint(compute.__module__), Path(__file__).read_bytes(), GRASP_TYPES, *parts)

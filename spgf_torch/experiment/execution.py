@@ -14,7 +14,7 @@ from spgf_torch.experiment.config import EvaluateConfig
 from spgf_torch.experiment.describe import Grasps
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.simulation.candidates import sample_candidates
 from spgf_torch.simulation.config import SamplerConfig
 from spgf_torch.simulation.execute import Trials, execute
@@ -58,7 +58,7 @@ def best_grasps(score: Tensor, grasp_type: Tensor, n: int) -> dict[str, Tensor]:
     """
     order = torch.argsort(score, descending=True, stable=True)
     order = order[score[order] > -torch.inf]
-    best = {kind: order[grasp_type[order] == code][:n] for code, kind in enumerate(GRASP_TYPES)}
+    best = {name: order[grasp_type[order] == code][:n] for code, name in enumerate(GRASP_TYPES)}
     return {**best, "CG": order[:n]}
 
 
@@ -78,24 +78,24 @@ def execute_best(
     score: Sequence[Tensor],
     trials: Trials,
     config: EvaluateConfig,
-    stages: Stages,
+    stages: ProgressReporter,
 ) -> list[Executed]:
     """Execute the N best grasps of each type, and the first `random_trials` candidates of each: a random sample."""
     best = [best_grasps(s, g.grasp_type, config.N) for s, g in zip(score, grasps, strict=True)]
     random = [
-        {kind: (g.grasp_type == code).nonzero()[:, 0][: config.random_trials] for code, kind in enumerate(GRASP_TYPES)}
+        {name: (g.grasp_type == code).nonzero()[:, 0][: config.random_trials] for code, name in enumerate(GRASP_TYPES)}
         for g in grasps
     ]
-    chosen = [torch.cat([b[kind], r[kind]]).unique() for b, r in zip(best, random, strict=True) for kind in GRASP_TYPES]
-    kinds = [(i, kind) for i in range(len(objects)) for kind in GRASP_TYPES]
+    chosen = [torch.cat([b[name], r[name]]).unique() for b, r in zip(best, random, strict=True) for name in GRASP_TYPES]
+    pairs = [(i, name) for i in range(len(objects)) for name in GRASP_TYPES]
     requests = [
-        (objects[i], kind, grasps[i].T_object_tcp[which]) for (i, kind), which in zip(kinds, chosen, strict=True)
+        (objects[i], name, grasps[i].T_object_tcp[which]) for (i, name), which in zip(pairs, chosen, strict=True)
     ]
     success = [torch.zeros(len(g.grasp_type), dtype=torch.bool) for g in grasps]
     ran = [torch.zeros_like(s) for s in success]
     with stages.stage("trials", sum(map(len, chosen)), "grasps") as advance:
         outcomes = execute(requests, trials, config.workers, lambda _, done: advance(done))
-        for (i, _), which, codes in zip(kinds, chosen, outcomes, strict=True):
+        for (i, _), which, codes in zip(pairs, chosen, outcomes, strict=True):
             success[i][which] = codes == SUCCESS
             ran[i][which] = True
     return [Executed(*row) for row in zip(best, success, ran, random, strict=True)]

@@ -11,13 +11,14 @@ from torch import Tensor
 
 from spgf_torch.affordance.calibration import Calibration
 from spgf_torch.affordance.model import GraspModel
+from spgf_torch.affordance.ranking import GraspScores
 from spgf_torch.cache import Cache
 from spgf_torch.experiment.config import TrainConfig
-from spgf_torch.experiment.cross_validation import CrossValidation, Predicted, calibrate
+from spgf_torch.experiment.cross_validation import CrossValidation, calibrate
+from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.experiment.learning import PrototypeFit, learn_model, side_by_side
-from spgf_torch.experiment.training_set import Example
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.settings import plain
 
 
@@ -57,7 +58,7 @@ class Design:
         return groups if len(groups) > 1 else [train[::2], train[1::2]]
 
 
-def teaching(examples: Sequence[Example], config: TrainConfig) -> list[Tensor]:
+def teaching(examples: Sequence[DescribedObject], config: TrainConfig) -> list[Tensor]:
     """Of each object those of its grasps that may teach: indices (C,) int64, ascending."""
     generator = torch.Generator().manual_seed(config.seed)
     return [example.sample_of_each_type(config.trials_per_object, generator) for example in examples]
@@ -68,12 +69,12 @@ class Learned:
     """What an experiment leaves.
 
     Attributes:
-        predicted: on every object, by a model that has not seen it.
+        scores: of the grasps on every object, by a model that has not seen it.
         model: of all objects, if `final_model`; its calibration comes from the predictions on novel objects.
         of_fold: fold -> the model that has not seen its objects, if `fold_models`; calibrated on its training folds.
     """
 
-    predicted: list[Predicted]
+    scores: list[GraspScores]
     model: GraspModel | None
     of_fold: dict[int, GraspModel]
 
@@ -91,25 +92,29 @@ class Experiment:
     config: TrainConfig
     design: Design
     objects: Sequence[GraspObject]
-    examples: Sequence[Example]
-    teach: Sequence[Example]
+    examples: Sequence[DescribedObject]
+    teach: Sequence[DescribedObject]
     fit: PrototypeFit
 
     @staticmethod
     def of(
-        config: TrainConfig, design: Design, objects: Sequence[GraspObject], examples: Sequence[Example], cache: Cache
+        config: TrainConfig,
+        design: Design,
+        objects: Sequence[GraspObject],
+        examples: Sequence[DescribedObject],
+        cache: Cache,
     ) -> Experiment:
         """The experiment that the settings describe."""
         teach = [e.of_grasps(which) for e, which in zip(examples, teaching(examples, config), strict=True)]
         prototypes = replace(config.prototypes, num_clusters=config.K)
         return Experiment(config, design, objects, examples, teach, PrototypeFit(prototypes, config.seed, cache))
 
-    def run(self, stages: Stages) -> Learned:
+    def run(self, stages: ProgressReporter) -> Learned:
         """Predictions on every object by a model that has not seen it, and the models that the settings ask for."""
         tests: list[int | None] = [*self.design.tests, *([None] if self.config.final_model else [])]
         with stages.stage("prototypes", len(tests), "sets") as advance:
             centres = side_by_side(lambda test: self.fit(self.relations(test)), tests, advance)
-        predicted: dict[int, Predicted] = {}
+        scores: dict[int, GraspScores] = {}
         models: dict[int | None, GraspModel] = {}
 
         def work(learned: tuple[int | None, Tensor]) -> None:
@@ -118,29 +123,29 @@ class Experiment:
                 models[None] = self.model(None, prototypes)
                 return
             on_novel, calibration = self.predict(test, prototypes)
-            predicted.update(on_novel)
+            scores.update(on_novel)
             if self.config.fold_models:
                 models[test] = replace(self.model(test, prototypes), calibration=calibration)
 
         with stages.stage("voting", len(tests), "folds and models" if None in tests else "folds") as advance:
             side_by_side(work, zip(tests, centres, strict=True), advance)
-        each = [predicted[i] for i in range(len(self.examples))]
+        each = [scores[i] for i in range(len(self.examples))]
         if None in models:
-            held_out = calibrate([p.judged for p in each], [e.success for e in self.examples])
+            held_out = calibrate(each, [e.outcomes for e in self.examples])
             models[None] = replace(models[None], calibration=held_out)
         return Learned(each, models.pop(None, None), models)  # type: ignore[arg-type]
 
     def relations(self, test: int | None) -> Tensor:
         """(L, D) relations of all features that teach what is used on the fold `test` (None: of all folds)."""
-        return torch.cat([self.teach[i].described.relations for i in self.design.training(test)])
+        return torch.cat([self.teach[i].relations for i in self.design.training(test)])
 
-    def predict(self, test: int, centres: Tensor) -> tuple[dict[int, Predicted], Calibration]:
+    def predict(self, test: int, centres: Tensor) -> tuple[dict[int, GraspScores], Calibration]:
         """Predictions on the objects of the fold `test`, by their number, and the training folds' calibration."""
         config, novel = self.config, self.design.novel(test)
         validation = CrossValidation(config.affordance, config.inner_grasps, config.N, config.seed)
         groups = [[self.teach[i] for i in group] for group in self.design.groups(test)]
-        predicted, calibration = validation.predict(groups, centres, [self.examples[i].described for i in novel])
-        return dict(zip(novel, predicted, strict=True)), calibration
+        scores, calibration = validation.predict(groups, centres, [self.examples[i] for i in novel])
+        return dict(zip(novel, scores, strict=True)), calibration
 
     def model(self, test: int | None, centres: Tensor) -> GraspModel:
         """The model for the objects of the fold `test` (None: of all objects), not yet calibrated."""

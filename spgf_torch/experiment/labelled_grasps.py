@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-
-import torch
-from torch import Tensor
 
 from spgf_torch.affordance.sensed_collision import HandVolume, hand_volume
 from spgf_torch.cache import fingerprint
 from spgf_torch.errors import InputError
-from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.describe import Grasps
 from spgf_torch.files.reading import yaml_values
 from spgf_torch.hands.config import HandConfig
@@ -20,43 +16,8 @@ from spgf_torch.hands.hand import load_hand
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find
 from spgf_torch.simulation.config import SamplerConfig
-from spgf_torch.simulation.execute import Trials, origin
-from spgf_torch.simulation.table import OUTCOMES, TrialTable, read_tables
-
-SUCCESS = OUTCOMES.index("success")
-
-
-@dataclass(frozen=True)
-class Tried:
-    """The trials on one object.
-
-    Attributes:
-        grasps: what was tried.
-        outcome (G,) int64: how it ended, index into `trials.table.OUTCOMES`.
-    """
-
-    grasps: Grasps
-    outcome: Tensor
-
-    def __post_init__(self) -> None:
-        if self.outcome.dtype == torch.bool:  # as codes, successes would be failures
-            raise TypeError("outcome: expected indices into OUTCOMES, got bool")
-
-    @staticmethod
-    def of(table: TrialTable) -> Tried:
-        """All trials of a table."""
-        return Tried(Grasps(table.T_object_tcp, table.grasp_type), table.outcome)
-
-    @property
-    def success(self) -> Tensor:
-        """(G,) bool."""
-        return self.outcome == SUCCESS
-
-
-def tried_grasps(objects: Sequence[GraspObject], config: TrainConfig) -> list[Tried]:
-    """The trials on each object, in its order; see `tables_of`."""
-    tables = tables_of(objects, config.trials, Trials(load_hand(config.hand), config.episode), config.sampler)
-    return [Tried.of(table) for table in tables]
+from spgf_torch.simulation.execute import Trials, provenance_of
+from spgf_torch.simulation.table import TrialTable, read_tables
 
 
 def tables_of(objects: Sequence[GraspObject], place: str, trials: Trials, sampler: SamplerConfig) -> list[TrialTable]:
@@ -67,14 +28,17 @@ def tables_of(objects: Sequence[GraspObject], place: str, trials: Trials, sample
     """
     folder = find(place)
     candidates, seed = _made_with(folder / "config.yaml")
-    first = origin(objects[0], trials, sampler, candidates, seed)  # all but the object is the same for all
+    first = provenance_of(objects[0], trials, sampler, candidates, seed)  # all but the object is the same for all
     expected = [replace(first, object_name=obj.name, object_digest=obj.digest) for obj in objects]
     return read_tables(folder, expected)
 
 
-def dataset_digest(objects: Sequence[GraspObject], tried: Sequence[Tried]) -> str:
+def dataset_digest(objects: Sequence[GraspObject], tables: Sequence[TrialTable]) -> str:
     """Names the objects and their trials: runs on different ones cannot be compared."""
-    parts = [(obj.name, obj.category, obj.digest, t.grasps, t.success) for obj, t in zip(objects, tried, strict=True)]
+    parts = [
+        (obj.name, obj.category, obj.digest, Grasps(table.T_object_tcp, table.grasp_type), table.success)
+        for obj, table in zip(objects, tables, strict=True)
+    ]
     return fingerprint(parts)
 
 

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import GraspModel, learn
-from spgf_torch.cache import Cache, fingerprint, program
-from spgf_torch.experiment.training_set import Example
+from spgf_torch.cache import Cache, code_fingerprint, fingerprint
+from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.threads import in_parts
@@ -34,7 +34,7 @@ class PrototypeFit:
     def __call__(self, relations: Tensor) -> Tensor:
         """Prototypes (K, D) of relations (L, D), on the same device."""
         name = "spgf_torch.prototypes.module"
-        key = fingerprint(program(name), relations, self.config, self.seed, relations.device.type)
+        key = fingerprint(code_fingerprint(name), relations, self.config, self.seed, relations.device.type)
         return self.cache.tensors("prototypes", key, lambda: self._fit(relations))["centres"].to(relations.device)
 
     def _fit(self, relations: Tensor) -> dict[str, Tensor]:
@@ -43,9 +43,9 @@ class PrototypeFit:
         return {"centres": fit_prototypes(relations, self.config, self.seed)}
 
 
-def learn_model(examples: Sequence[Example], centres: Tensor, config: AffordanceConfig) -> GraspModel:
+def learn_model(examples: Sequence[DescribedObject], centres: Tensor, config: AffordanceConfig) -> GraspModel:
     """Condensed shape-grasp particles (section 3.4) of all examples, given prototypes; not calibrated."""
-    parts = [(e.described.pairs, assign(e.described.relations, centres), e.success) for e in examples]
+    parts = [(e.pairs, assign(e.relations, centres), e.outcomes) for e in examples]
     return learn(parts, centres, config)
 
 

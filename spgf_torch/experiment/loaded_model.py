@@ -9,12 +9,13 @@ from torch import Tensor
 
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import GraspModel, vote
-from spgf_torch.affordance.ranking import judge, rankings
+from spgf_torch.affordance.ranking import score_grasps
 from spgf_torch.affordance.voting import VotingIndex
 from spgf_torch.cache import Cache
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig
-from spgf_torch.experiment.describe import Described, Description
+from spgf_torch.experiment.describe import Describer
+from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.proposing.config import ProposingConfig
@@ -24,29 +25,30 @@ from spgf_torch.settings import plain, settings, typed
 
 
 @dataclass(frozen=True)
-class Restored:
+class LoadedModel:
     """A model that describes objects and scores their grasps as it was learned, and proposes new ones."""
 
     model: GraspModel
-    description: Description
+    describer: Describer
     proposing: ProposingConfig = field(default_factory=lambda: settings(ProposingConfig))
 
     @cached_property
     def index(self) -> VotingIndex:
-        return VotingIndex(self.model.condensed, self.model.lattice)
+        return VotingIndex(self.model.condensed, self.model.grid)
 
     @cached_property
     def proposer(self) -> Proposer:
-        return Proposer.of(self.model, self.proposing, self.description.volumes)
+        return Proposer.of(self.model, self.proposing, self.describer.volumes)
 
-    def scores(self, obj: Described) -> dict[str, Tensor]:
+    def scores(self, obj: DescribedObject) -> dict[str, Tensor]:
         """Every ranking's score (G,) of an object's grasps."""
         votes = vote(self.index, obj.pairs, assign(obj.relations, self.model.centres))
-        rates, config = self.model.condensed.base_rate, self.description.affordance
-        return rankings(judge(votes, rates, obj.grasp_type, obj.collides, config), self.model.calibration)
+        rates, config = self.model.condensed.base_rate, self.describer.affordance
+        scores = score_grasps(votes, rates, obj.grasp_type, obj.collides, config)
+        return scores.calibrated(self.model.calibration).by_ranking
 
 
-def restore(model: GraspModel, config: EvaluateConfig) -> Restored:
+def loaded_model(model: GraspModel, config: EvaluateConfig) -> LoadedModel:
     """How to describe objects and score grasps as `model` was learned; sensing and hand are the settings' own.
 
     Raises InputError where the model was learned with another hand: its grasps would mean something else.
@@ -57,5 +59,5 @@ def restore(model: GraspModel, config: EvaluateConfig) -> Restored:
     affordance = typed(AffordanceConfig, model.settings["affordance"])
     features = typed(FeatureConfig, model.settings["features"])
     volumes, cache = open_hand(config.hand), Cache.open(config.cache, config.cache_gb)
-    description = Description(config.sensing, features, affordance, volumes, config.seed, config.device, cache)
-    return Restored(model, description, config.proposing)
+    describer = Describer(config.sensing, features, affordance, volumes, config.seed, config.device, cache)
+    return LoadedModel(model, describer, config.proposing)

@@ -10,7 +10,7 @@ from torch import Tensor
 from spgf_torch.errors import InputError
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.ops.describe import describe
-from spgf_torch.ops.grid import Ring
+from spgf_torch.ops.ring_grid import Ring
 
 __all__ = ["Features", "spgf"]
 

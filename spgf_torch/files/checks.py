@@ -1,4 +1,4 @@
-"""What every reader asks of a value from a file: its kind, its range. InputError names the place, in one line."""
+"""Checks of values from files: type and range. InputError names the place, in one line."""
 
 from __future__ import annotations
 

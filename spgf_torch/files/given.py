@@ -1,4 +1,4 @@
-"""Whether what the settings name is there at all: asked before anything that takes seconds to import."""
+"""Check that the files which the settings name exist, before imports that take seconds."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.files.ply import read_elements, read_header
 from spgf_torch.files.reading import DEEPEST, LARGEST_JSON, existing, json_of, unreadable
 
-# A scene may show one mesh many times over: a file of a megabyte could stand for billions of triangles.
+# A scene may show one mesh many times over: a file of a megabyte could expand to billions of triangles.
 MOST_FACES = 20_000_000
 MOST_COPIES = 1_000_000  # vertices and corners of what a GLB shows beyond the bytes that it has
 MOST_PARTS = 20_000  # nodes, primitives
@@ -29,7 +29,7 @@ def mesh_arrays(path: Path) -> tuple[np.ndarray, np.ndarray]:
     Materials, textures and other files that it names stay closed.
 
     Raises InputError, which names the file, for one that is damaged, has triangles of vertices that it lacks, or
-    stands for more than `MOST_FACES` triangles.
+    expands to more than `MOST_FACES` triangles.
     """
     kind = existing(path).suffix.lower().removeprefix(".")
     settings: dict[str, Any] = {}
@@ -167,7 +167,7 @@ def _check_elements(path: Path, size: int, header: Any) -> None:
 
 
 def _elements(primitive: dict[str, Any], counts: list[int]) -> int:
-    """Vertices and corners that a primitive asks for."""
+    """Count the vertices and corners of a primitive."""
     attributes = primitive.get("attributes")
     asked = [*attributes.values()] if isinstance(attributes, dict) else []
     known = [_whole(at, -1) for at in [*asked, primitive.get("indices")]]

@@ -1,4 +1,4 @@
-"""What is read from disk: bounded in size and depth before it is taken in, and nothing in it is run.
+"""Bounded readers: size and depth are checked before parsing, and no content is executed.
 
 Readers of every format raise InputError in one line, `file: expected ..., got ...`, whatever the file holds.
 """
@@ -26,7 +26,7 @@ DEEPEST = 50  # levels of lists and mappings
 MOST_NODES = 1_000_000  # of a YAML document with every alias written out
 LONGEST_REASON = 120  # characters of a library's own words
 LONGEST_NUMBER = 100  # characters of a number in YAML: Python takes the square of the time for the square of them
-LONGEST_KEY = 19  # characters of a number as a key: longer ones can be made to fall on each other in Python's tables
+LONGEST_KEY = 19  # characters of a number as a key: longer ones can be chosen to collide in Python's hash tables
 LARGEST_XML = 16_000_000  # bytes
 HEAD = 1 << 16  # bytes that a numpy file may take to describe its array
 DIRECTORY = 1 << 20  # bytes of the list of what is in a .npz file: some ten thousand arrays
@@ -137,7 +137,7 @@ for _kind in ("int", "float"):
 
 
 def _size(node: yaml.Node, known: dict[int, tuple[int, int]]) -> tuple[int, int]:
-    """How many nodes a YAML node stands for, itself included, and their levels; ValueError for one within itself."""
+    """Count the nodes of a YAML node with aliases written out, and their levels; ValueError for one within itself."""
     if not isinstance(node, yaml.CollectionNode):
         return 1, 0
     if id(node) not in known:

@@ -1,4 +1,4 @@
-"""Files that carry a digest of themselves: a bit that changed since they were written is noticed when they are read.
+"""Files that carry a digest of themselves: a bit that changed since writing is detected on reading.
 
 A seal is one word in a file, `spgf-sha256:HEX:spgf-sha256`, wherever its format has room for a word: HEX is the SHA-256
 of the whole file with 64 zeros in HEX's place. Its two ends are marks: whatever one bit changes, a mark is left, and a
@@ -30,7 +30,7 @@ ENDS = 1 << 20  # bytes at either end of a file in which its seal stands
 
 _SEAL = re.compile(MARK + b":([0-9a-f]{64}):" + MARK)
 _LINE = re.compile(r"([0-9a-f]{64}) [ *]([^/]+)")
-_told: set[Path] = set()  # folders of folders of which it was said that files in them carry no digest
+_reported: set[Path] = set()  # folders of folders of which it was said that files in them carry no digest
 
 
 def sealed(content: bytes) -> bytes:
@@ -53,7 +53,7 @@ def sealed_yaml(text: str) -> bytes:
 
 
 def check_seal(path: Path, what: str) -> bool:
-    """Whether the file carries a seal, which is then right. Of one without any digest a line is told, once.
+    """Whether the file carries a seal, which is then right. For one without any digest a line is printed, once.
 
     Raises InputError in one line where the file, which should be `what`, is not as it was written.
     """
@@ -142,9 +142,9 @@ def _changed(path: Path, what: str) -> InputError:
 def _tell(path: Path) -> None:
     """One line, however many files beside each other it concerns."""
     around = path.absolute().parent.parent
-    if around not in _told:
+    if around not in _reported:
         from spgf_torch.progress import console  # brings rich
 
-        _told.add(around)
+        _reported.add(around)
         words = "written by an older version: damage to it, or to others beside it, is not noticed"
         console.print(one_line(f"no digest in {path}, {words}"), markup=False)

@@ -1,4 +1,4 @@
-"""Files that are there as a whole or not at all, whenever a process is killed or a disk is full."""
+"""Atomic writes: a file is complete or absent, even after a kill or on a full disk."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def sync(folder: Path) -> None:
 
 
 def parts_in(folder: Path) -> Iterator[Path]:
-    """What a killed `write_bytes` left in a folder, and nothing that anybody else would have made."""
+    """Find the parts that a killed `write_bytes` left in a folder, and no other files."""
     for path in folder.iterdir():
         if _PART.fullmatch(path.name) and path.is_file() and not path.is_symlink():
             yield path

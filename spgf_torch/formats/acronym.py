@@ -31,7 +31,7 @@ LARGEST = 1_000_000_000  # bytes of one data set: eight million poses
 SMALL, RATIO = 1_000_000, 1100  # bytes; deflate packs no tighter
 LABEL = "object_in_gripper"
 MOTIONS = tuple(
-    f"object_motion_during_{what}_{kind}" for what in ("closing", "shaking") for kind in ("linear", "angular")
+    f"object_motion_during_{what}_{motion}" for what in ("closing", "shaking") for motion in ("linear", "angular")
 )
 SCALARS = ("scale", "mass", "density", "friction", "volume")
 UNKNOWN = "unknown, hence NaN: the trial table holds how a trial ended, not how far the object moved"
@@ -73,8 +73,8 @@ def write_acronym(folder: Path, trials: TrialSet, advance: Callable[[int], None]
         (folder / gripper.name).mkdir(parents=True)
         write_joints(folder / gripper.name / JOINTS, gripper)
     for obj, table in zip(trials.objects, trials.tables, strict=True):
-        for kind, gripper in trials.grippers.items():
-            grasps = grasps_of(table, kind, gripper)
+        for grasp_type, gripper in trials.grippers.items():
+            grasps = grasps_of(table, grasp_type, gripper)
             write_file(folder / gripper.name / file_name(obj), obj, table, gripper, grasps)
         advance(1)
     write_splits(folder / "splits", trials, file_name)
@@ -83,7 +83,7 @@ def write_acronym(folder: Path, trials: TrialSet, advance: Callable[[int], None]
 def write_file(path: Path, obj: GraspObject, table: TrialTable, gripper: Gripper, grasps: Grasps) -> None:
     """One object's trials with one gripper."""
     volume = float(abs(obj.mesh.volume))
-    friction = float(table.origin.episode["friction"])
+    friction = float(table.provenance.episode["friction"])
     scalars = (SCALE, obj.mass, obj.mass / volume, friction, volume)
     with _opened(path, "w") as file:
         group = file.create_group("object")

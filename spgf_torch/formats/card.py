@@ -1,6 +1,6 @@
 """The dataset card: what is in the folder, how much of it, from what it was made, under which licence, checksums.
 
-`card.json` for programs, `README.md` for people. The checksums cover every other file.
+`card.json` for programs, `README.md` for readers. The checksums cover every other file.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ LAYOUT = {
 
 def card(trials: TrialSet, config: ExportConfig, formats: Sequence[str]) -> dict[str, Any]:
     """What `card.json` holds, but for the checksums."""
-    origin, hand = trials.tables[0].origin, trials.hand
+    provenance, hand = trials.tables[0].provenance, trials.hand
     settings = {key: value for key, value in plain(config).items() if key not in PRIVATE}
     return {
         "schema": SCHEMA,
@@ -64,7 +64,7 @@ def card(trials: TrialSet, config: ExportConfig, formats: Sequence[str]) -> dict
         "grippers": [gripper.name for gripper in trials.grippers.values()],
         "objects": [_object(trials, i) for i in range(len(trials.objects))],
         "trials": {
-            **{key: value for key, value in asdict(origin).items() if not key.startswith("object")},
+            **{key: value for key, value in asdict(provenance).items() if not key.startswith("object")},
             "hand": hand.config.name,
             "versions": trials.tables[0].versions,
         },
@@ -121,7 +121,7 @@ def checksums(folder: Path) -> dict[str, dict[str, Any]]:
     """File -> its bytes and SHA-256, for every file but the card. Raises InputError for what is no file of its own."""
     found = files_of(folder)
     if odd := [name for name, path in found.items() if not stat.S_ISREG(path.lstat().st_mode)]:
-        raise InputError(f"{folder / odd[0]}: expected a file of a data set, got a link or something else")
+        raise InputError(f"{folder / odd[0]}: expected a plain file of a data set, got a link or a special file")
     return {name: _checksum(path) for name, path in found.items() if name != CARD}
 
 
@@ -141,7 +141,7 @@ def rates(trials: TrialSet) -> dict[str, dict[str, dict[str, float]]]:
     blocks = {}
     for name in (*names, "all"):
         tables = [t for obj, t in zip(trials.objects, trials.tables, strict=True) if name in ("all", obj.category)]
-        blocks[name] = {kind: _rate(tables, GRASP_TYPES.index(kind)) for kind in trials.grippers}
+        blocks[name] = {grasp_type: _rate(tables, GRASP_TYPES.index(grasp_type)) for grasp_type in trials.grippers}
     return blocks
 
 
@@ -149,10 +149,10 @@ def readme(known: dict[str, Any]) -> str:
     """The text of README.md."""
     counts, made = known["counts"], known["trials"]
     rows = [
-        f"| {name} | " + " | ".join(_cell(block[kind]) for kind in block) + " |"
+        f"| {name} | " + " | ".join(_cell(block[grasp_type]) for grasp_type in block) + " |"
         for name, block in known["rates"].items()
     ]
-    kinds = list(known["rates"]["all"])
+    grasp_types = list(known["rates"]["all"])
     outcomes = ", ".join(f"{word} {count:,}" for word, count in known["outcomes"].items())
     return f"""\
 # Grasp trials of the hand {made["hand"]}
@@ -161,8 +161,8 @@ def readme(known: dict[str, Any]) -> str:
 included. Licence: {known["license"]}. Written by `python -m spgf_torch.export`; `card.json` has the settings, a line an
 object and a SHA-256 of every file.
 
-| class | {" | ".join(f"{kind}: held / tried" for kind in kinds)} |
-|{"---|" * (1 + len(kinds))}
+| class | {" | ".join(f"{grasp_type}: held / tried" for grasp_type in grasp_types)} |
+|{"---|" * (1 + len(grasp_types))}
 {chr(10).join(rows)}
 
 Outcomes: {outcomes}. Success means that SAPIEN {made["versions"].get("sapien", "")} held the object while it was lifted
@@ -199,13 +199,17 @@ def _object(trials: TrialSet, i: int) -> dict[str, Any]:
         "mesh": mesh_file(obj),
         "mass": obj.mass,
         "digest": obj.digest,
-        "trials": {kind: _rate([table], GRASP_TYPES.index(kind)) for kind in trials.grippers},
+        "trials": {grasp_type: _rate([table], GRASP_TYPES.index(grasp_type)) for grasp_type in trials.grippers},
     }
 
 
-def _rate(tables: Iterable[Any], kind: int) -> dict[str, float]:
-    held = np.concatenate([table.success.numpy()[table.grasp_type.numpy() == kind] for table in tables])
-    return {"trials": len(held), "success": int(held.sum()), "rate": round(float(held.mean()), 6) if len(held) else 0.0}
+def _rate(tables: Iterable[Any], code: int) -> dict[str, float]:
+    success = np.concatenate([table.success.numpy()[table.grasp_type.numpy() == code] for table in tables])
+    return {
+        "trials": len(success),
+        "success": int(success.sum()),
+        "rate": round(float(success.mean()), 6) if len(success) else 0.0,
+    }
 
 
 def _cell(block: dict[str, float]) -> str:

@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -18,9 +18,11 @@ from spgf_torch.errors import InputError
 from spgf_torch.files.checks import entry, joint_values, name, rigid
 from spgf_torch.files.reading import json_values, text, xml_root
 from spgf_torch.formats.trial_sets import TrialSet, gripper_frame
-from spgf_torch.hands.hand import Hand
 from spgf_torch.hands.records import Gripper
-from spgf_torch.objects.grasp_object import GraspObject
+
+if TYPE_CHECKING:
+    from spgf_torch.hands.hand import Hand
+    from spgf_torch.objects.grasp_object import GraspObject
 
 SCHEMA = 1
 DIGITS = 9  # decimals of numbers in text: a nanometre
@@ -29,17 +31,26 @@ JOINTS = "joints.json"
 
 
 @dataclass(frozen=True)
-class GripperJoints:
-    """The sidecar of formats without room for joints: every grasp beside it was tried with this open hand.
+class HandJoints:
+    """A hand in the preshape of one grasp type.
 
     Attributes:
-        gripper: its name. joints, closed: rad or m, of the open hand and with the pads meeting.
-        T_gripper_base, T_gripper_tcp: (4, 4) float64; base is the hand's base link with the axes of its own URDF.
+        gripper: its name. joints, closed: joint -> rad or m, of the open hand and with the pads touching.
     """
 
     gripper: str
     joints: dict[str, float]
     closed: dict[str, float]
+
+
+@dataclass(frozen=True)
+class GripperJoints(HandJoints):
+    """The sidecar of formats without joints: every grasp beside it was tried with this open hand.
+
+    Attributes:
+        T_gripper_base, T_gripper_tcp: (4, 4) float64; base is the hand's base link with the axes of its own URDF.
+    """
+
     T_gripper_base: np.ndarray
     T_gripper_tcp: np.ndarray
 
@@ -90,10 +101,10 @@ def write_hand(folder: Path, hand: Hand, gripper: Gripper) -> None:
     folder.mkdir(exist_ok=True)
     robot = xml_root(hand.urdf.read_bytes(), hand.urdf, "a URDF of a hand")
     T = np.linalg.inv(gripper.T_base_tcp @ gripper_frame(gripper))
-    turn = Rotation.from_matrix(T[:3, :3]).as_euler("xyz")
+    rpy = Rotation.from_matrix(T[:3, :3]).as_euler("xyz")
     link = ElementTree.Element("link", name=gripper.name)
     joint = ElementTree.Element("joint", name=f"{gripper.name}_base_joint", type="fixed")
-    ElementTree.SubElement(joint, "origin", xyz=_words(T[:3, 3]), rpy=_words(turn))
+    ElementTree.SubElement(joint, "origin", xyz=_words(T[:3, 3]), rpy=_words(rpy))
     ElementTree.SubElement(joint, "parent", link=gripper.name)
     ElementTree.SubElement(joint, "child", link=gripper.base_link)
     robot[:0] = [link, joint]
@@ -130,9 +141,14 @@ def read_joints(path: Path) -> GripperJoints:
     known = json_values(path, "the joints of a gripper")
     if (got := entry(known, "schema", str(path))) != SCHEMA:
         raise InputError(f"{path}: expected schema {SCHEMA}, got {got!r:.40}")
-    joints, closed = (joint_values(entry(known, key, str(path)), f"{path}: {key}") for key in ("joints", "closed"))
     poses = (rigid(entry(known, key, str(path)), f"{path}: {key}") for key in ("T_gripper_base", "T_gripper_tcp"))
-    return GripperJoints(name(entry(known, "gripper", str(path)), f"{path}: gripper"), joints, closed, *poses)
+    return GripperJoints(*hand_joints(known, str(path)), *poses)
+
+
+def hand_joints(values: Any, where: str) -> tuple[str, dict[str, float], dict[str, float]]:
+    """Return the gripper's name, the open and the closed joints (rad or m) of an entry; `where` names it in errors."""
+    opened, closed = (joint_values(entry(values, key, where), f"{where}.{key}") for key in ("joints", "closed"))
+    return name(entry(values, "gripper", where), f"{where}.gripper"), opened, closed
 
 
 def write_splits(folder: Path, trials: TrialSet, line: Callable[[GraspObject], str]) -> None:

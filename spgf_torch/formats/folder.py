@@ -1,4 +1,4 @@
-"""A folder that is there as a whole or not at all: written beside its place, flushed to disk, then exchanged.
+"""Write a folder atomically: beside its place, flushed to disk, then exchanged.
 
 It is written in a new hidden folder with a name of its own, which no call shares and nobody else can enter. Whoever is
 killed on the way leaves the old folder as it was, or the new one, and that hidden folder; the next export removes it,
@@ -191,9 +191,9 @@ def _exchange(new: Path, out: Path, old: Identity | None) -> None:
     """`new` becomes `out`; what was there before, if anything, is then called `new`."""
     if out.is_dir() and not out.is_symlink() and any(out.iterdir()):
         _swap(new, out)
-        if _identity(new) != old:  # somebody put another one there meanwhile
+        if _identity(new) != old:  # another process put another one there meanwhile
             _swap(new, out)
-            raise OSError(0, "it was made or changed by somebody else meanwhile")
+            raise OSError(0, "it was made or changed by another process meanwhile")
     else:
         new.rename(out)  # fails where a file or a link is there
     with suppress(OSError):

@@ -61,9 +61,9 @@ def write_graspgen(folder: Path, trials: TrialSet, advance: Callable[[int], None
         (folder / "grippers" / f"{gripper.name}.yaml").write_text(gripper_yaml(gripper))
         write_splits(folder / "splits" / gripper.name, trials, mesh_file)
     for obj, table in zip(trials.objects, trials.tables, strict=True):
-        for kind, gripper in trials.grippers.items():
+        for grasp_type, gripper in trials.grippers.items():
             path = folder / "grasp_data" / gripper.name / f"{obj.name}.json"
-            path.write_text(grasps_text(obj, gripper, grasps_of(table, kind, gripper)))
+            path.write_text(grasps_text(obj, gripper, grasps_of(table, grasp_type, gripper)))
         advance(1)
 
 
@@ -74,7 +74,7 @@ def grasps_text(obj: GraspObject, gripper: Gripper, grasps: Grasps) -> str:
         "gripper": {"name": gripper.name},
         "grasps": {
             "transforms": rounded(grasps.T_object_gripper),
-            "object_in_gripper": [bool(held) for held in grasps.success],
+            "object_in_gripper": [bool(success) for success in grasps.success],
         },
     }
     return json.dumps(known, separators=(",", ":"))

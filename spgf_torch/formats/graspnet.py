@@ -1,27 +1,29 @@
 """graspnetAPI's grasp array: (N, 17) float64 in a .npy, and beside it a JSON file with the joints that do not fit.
 
 Columns: score, width, height, depth, rotation row by row (9), translation (3), object id. The camera's frame of the
-format is the input's frame. Its gripper's axes are x approach, y closing, z = x cross y, where tcp has z, x and y; its
-origin lies `depth` behind the fingertips. Depth is here what the fingertips reach beyond the TCP, so the translation
-is the TCP's own: drive the point between the pads there. (With the base on the approach axis and the fingertips at
-tip_z = z of the TCP + depth, it is t_base + (tip_z - depth) z of docs/design/exports.md.)
+format is the input's frame for predicted grasps, and the object's for trial tables. The axes of its gripper are x
+approach, y closing, z = x cross y, where tcp has z, x and y; its origin lies `depth` behind the fingertips. Depth is
+what the fingertips reach beyond the TCP, so the translation is the TCP's own: drive the point between the pads to it.
+(With the base on the approach axis and the fingertips at tip_z = z of the TCP + depth, it is t_base +
+(tip_z - depth) z: see docs/design/exports.md.)
 """
 
 from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from spgf_torch.errors import InputError
-from spgf_torch.files.checks import content, entries, entry, joint_values, name, rotation
+from spgf_torch.files.checks import content, entries, entry, rotation
 from spgf_torch.files.reading import json_of, npy_array
 from spgf_torch.files.writing import write_bytes, write_text
+from spgf_torch.formats.common import JOINTS, HandJoints, hand_joints, write_joints, write_splits
+from spgf_torch.formats.trial_sets import Grasps, TrialSet, grasps_of, gripper_frame
 from spgf_torch.hands.records import Grasp, Gripper, gripper_for
 
 COLUMNS = 17
@@ -30,7 +32,7 @@ NO_OBJECT = -1  # graspnetAPI's own default of an object id
 SCHEMA = 1
 # Columns: graspnetAPI's axes in our gripper's frame: approach (0, 0, 1), closing (1, 0, 0), (0, 1, 0); see
 # docs/design/exports.md.
-TURN = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+GRASPNET_AXES = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class GraspnetGrasp:
 
     Attributes:
         score: higher is better. width: m between the fingers. height: m, of a finger across closing and approach.
-        depth: m from the gripper's origin to the fingertips. object_id: -1 where nobody knows.
+        depth: m from the gripper's origin to the fingertips. object_id: -1: unknown.
         T_input_tcp: (4, 4) float64, the row's pose with the axes of tcp: +z approach, +x closing.
     """
 
@@ -51,22 +53,13 @@ class GraspnetGrasp:
     object_id: int
 
 
-@dataclass(frozen=True)
-class GraspJoints:
-    """The hand of a row: the gripper's name, and joint -> rad or m of the open and of the closed hand."""
-
-    gripper: str
-    joints: dict[str, float]
-    closed: dict[str, float]
-
-
 def joints_path(path: Path) -> Path:
     """Where the joints of the rows in `path` stand: `grasps.npy` -> `grasps.joints.json`."""
     return path.with_suffix(".joints.json")
 
 
 def write_graspnet(path: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper]) -> None:
-    """Write grasps, best first, as the (N, 17) array `path` and their joints as `joints_path(path)`.
+    """Write predicted grasps, best first, as the (N, 17) array `path` and their joints as `joints_path(path)`.
 
     The score is the probability. graspnetAPI's evaluator takes a width of more than 0.1 m for 0.1 m; it is written as
     it is.
@@ -75,7 +68,7 @@ def write_graspnet(path: Path, grasps: Sequence[Grasp], grippers: Mapping[str, G
     for row, grasp in zip(rows, grasps, strict=True):
         gripper = gripper_for(grasp, grippers)
         row[:4] = grasp.probability, gripper.width, gripper.height, gripper.depth
-        row[4:13] = (grasp.T_input_tcp[:3, :3] @ TURN).ravel()
+        row[4:13] = (grasp.T_input_tcp[:3, :3] @ GRASPNET_AXES).ravel()
         row[13:16] = grasp.T_input_tcp[:3, 3]
         row[16] = NO_OBJECT
         hands.append({"gripper": gripper.name, "joints": grasp.joints, "closed": grasp.closed})
@@ -83,6 +76,41 @@ def write_graspnet(path: Path, grasps: Sequence[Grasp], grippers: Mapping[str, G
     np.save(array, rows, allow_pickle=False)
     write_text(joints_path(path), json.dumps({"schema": SCHEMA, "rows": hands}, indent=1, allow_nan=False) + "\n")
     write_bytes(path, array.getvalue())
+
+
+def write_graspnet_trials(folder: Path, trials: TrialSet, advance: Callable[[int], None]) -> None:
+    """Write a trial table: `<gripper>/<object>.npy`, `joints.json` beside them, and `splits`.
+
+    The camera's frame of the format is the frame of the object's mesh, as in `clouds/`. The score is 1 where the grasp
+    held and 0 where not; the object id is the object's place in the card's list.
+    """
+    for gripper in trials.grippers.values():
+        (folder / gripper.name).mkdir(parents=True)
+        write_joints(folder / gripper.name / JOINTS, gripper)
+    for number, (obj, table) in enumerate(zip(trials.objects, trials.tables, strict=True)):
+        for grasp_type, gripper in trials.grippers.items():
+            rows = _trial_rows(gripper, grasps_of(table, grasp_type, gripper), number)
+            np.save(folder / gripper.name / f"{obj.name}.npy", rows, allow_pickle=False)
+        advance(1)
+    write_splits(folder / "splits", trials, lambda obj: f"{obj.name}.npy")
+
+
+def _trial_rows(gripper: Gripper, grasps: Grasps, object_id: int) -> np.ndarray:
+    """(N, 17): score, width, height, depth, rotation row by row, translation, object id.
+
+    From ACRONYM's frame R_gn = R GRASPNET_AXES and t_gn = t + (tip_z - depth) z (docs/design/exports.md). With our
+    depth, what the fingertips reach beyond the TCP, tip_z - depth is the TCP's own z; a TCP beside the axis of the base
+    adds its x and y, so that the translation is always the point between the pads.
+    """
+    T_gripper_tcp = np.linalg.inv(gripper_frame(gripper))
+    T = grasps.T_object_gripper @ T_gripper_tcp
+    rows = np.zeros((len(T), COLUMNS))
+    rows[:, 0] = grasps.success
+    rows[:, 1:4] = gripper.width, gripper.height, gripper.depth
+    rows[:, 4:13] = (T[:, :3, :3] @ GRASPNET_AXES).reshape(-1, 9)
+    rows[:, 13:16] = T[:, :3, 3]
+    rows[:, 16] = object_id
+    return rows
 
 
 def read_graspnet(path: Path) -> list[GraspnetGrasp]:
@@ -100,14 +128,14 @@ def read_graspnet(path: Path) -> list[GraspnetGrasp]:
     return [_grasp(row, f"{path}: row {i}") for i, row in enumerate(rows.astype(np.float64))]
 
 
-def read_joints(path: Path) -> list[GraspJoints]:
-    """The hands of the rows, from the JSON file that `joints_path` names. Raises InputError in one line."""
+def read_row_joints(path: Path) -> list[HandJoints]:
+    """Read the hands of the rows from the JSON file that `joints_path` names. Raises InputError in one line."""
     what = f"the joints of grasps, schema {SCHEMA}"
     known = json_of(content(path, what), path, what)
     if (got := entry(known, "schema", str(path))) != SCHEMA:
         raise InputError(f"{path}: expected schema {SCHEMA}, got {got!r:.40}")
     rows = entries(entry(known, "rows", str(path)), f"{path}: rows")
-    return [_joints(values, f"{path}: rows[{i}]") for i, values in enumerate(rows)]
+    return [HandJoints(*hand_joints(values, f"{path}: rows[{i}]")) for i, values in enumerate(rows)]
 
 
 def _grasp(row: np.ndarray, where: str) -> GraspnetGrasp:
@@ -120,8 +148,3 @@ def _grasp(row: np.ndarray, where: str) -> GraspnetGrasp:
     T = np.eye(4)
     T[:3] = np.column_stack([closing, third, approach, row[13:16]])
     return GraspnetGrasp(score, width, height, depth, T, int(row[16]))
-
-
-def _joints(values: Any, where: str) -> GraspJoints:
-    opened, closed = (joint_values(entry(values, key, where), f"{where}.{key}") for key in ("joints", "closed"))
-    return GraspJoints(name(entry(values, "gripper", where), f"{where}.gripper"), opened, closed)

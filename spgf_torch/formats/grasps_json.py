@@ -25,7 +25,7 @@ _FACTORS = ("free", "holds")
 def write_grasps(
     path: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper], judge: Mapping[str, Any] | None = None
 ) -> None:
-    """Write grasps, best first, a line each: numbers in full, the file as a whole or not at all.
+    """Write grasps, best first, a line each: numbers in full, the file atomically.
 
     T_input_tcp and T_input_pregrasp are poses of the TCP (+z approach, +x closing), T_input_base is the pose of the
     hand's base link `base_link` with the axes of its URDF; all in the input's frame.
@@ -74,9 +74,9 @@ def _plain(grasp: Grasp, gripper: Gripper) -> dict[str, Any]:
 
 
 def _grasp(values: Any, where: str) -> Grasp:
-    kind = entry(values, "type", where)
-    if kind not in GRASP_TYPES:
-        raise InputError(f"{where}.type: expected one of {', '.join(GRASP_TYPES)}; got {kind!r:.40}")
+    grasp_type = entry(values, "type", where)
+    if grasp_type not in GRASP_TYPES:
+        raise InputError(f"{where}.type: expected one of {', '.join(GRASP_TYPES)}; got {grasp_type!r:.40}")
     tcp, base, pregrasp = (
         rigid(entry(values, key, where), f"{where}.{key}")
         for key in ("T_input_tcp", "T_input_base", "T_input_pregrasp")
@@ -84,7 +84,7 @@ def _grasp(values: Any, where: str) -> Grasp:
     opened, closed = (joint_values(entry(values, key, where), f"{where}.{key}") for key in ("joints", "closed"))
     votes = entries(entry(values, "voted_by", where), f"{where}.voted_by")
     return Grasp(
-        type=kind,
+        type=grasp_type,
         probability=number(entry(values, "probability", where), f"{where}.probability", 0.0, 1.0),
         support=whole(entry(values, "support", where), f"{where}.support"),
         T_input_tcp=tcp,

@@ -1,16 +1,16 @@
 """Isaac grasp YAML, format version 1.0 (NVIDIA Isaac Sim, Grasp Editor).
 
-`position` (m) and `orientation` (w, and xyz) are the pose of `gripper_frame_link` in `object_frame_link`. These are
-the hand's base link with the axes of its URDF, because that is the frame that Isaac finds under this name, and the
-input's frame.
+`position` (m) and `orientation` (w, and xyz) are the pose of `gripper_frame_link` in `object_frame_link`. For predicted
+grasps these are the hand's base link with the axes of its URDF, because that is the frame that Isaac finds under this
+name, and the input's frame; for trial tables the exported gripper frame (`trial_sets.gripper_frame`) and the object's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -21,8 +21,13 @@ from spgf_torch.errors import InputError
 from spgf_torch.files.checks import TOLERANCE, entry, joint_values, name, number, vector
 from spgf_torch.files.reading import yaml_values
 from spgf_torch.files.writing import write_text
+from spgf_torch.formats.common import DIGITS, rounded, write_splits
+from spgf_torch.formats.trial_sets import Grasps, TrialSet, grasps_of
 from spgf_torch.geometry import se3
 from spgf_torch.hands.records import Grasp, Gripper, gripper_for
+
+if TYPE_CHECKING:
+    from spgf_torch.objects.grasp_object import GraspObject
 
 FORMAT, VERSION = "isaac_grasp", 1.0
 TIMES = 4  # as much YAML as in other files is read: 60,000 grasps
@@ -56,7 +61,7 @@ class IsaacGrasps:
 def write_isaac(
     path: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper], object_frame: str = "input"
 ) -> None:
-    """Write grasps as grasp_0, grasp_1, ... best first.
+    """Write predicted grasps as grasp_0, grasp_1, ... best first.
 
     `cspace_position` is the closed hand, `pregrasp_cspace_position` the open one of the grasp's type: active joints
     only. Both types stand in one file, for each grasp brings its own joints.
@@ -71,8 +76,54 @@ def write_isaac(
     write_text(path, yaml.safe_dump(values, sort_keys=False, default_flow_style=None, width=200))
 
 
+def write_isaac_trials(folder: Path, trials: TrialSet, advance: Callable[[int], None]) -> None:
+    """Write a trial table: `<gripper>/<object>.yaml` with one object and one gripper each, and `splits`.
+
+    A failed grasp has confidence 0. `gripper_frame_link` is the root link of `hand/<gripper>.urdf`.
+    """
+    for gripper in trials.grippers.values():
+        (folder / gripper.name).mkdir(parents=True)
+    for obj, table in zip(trials.objects, trials.tables, strict=True):
+        for grasp_type, gripper in trials.grippers.items():
+            path = folder / gripper.name / f"{obj.name}.yaml"
+            path.write_text(_trials_text(obj, gripper, grasps_of(table, grasp_type, gripper)))
+        advance(1)
+    write_splits(folder / "splits", trials, lambda obj: f"{obj.name}.yaml")
+
+
+def _trials_text(obj: GraspObject, gripper: Gripper, grasps: Grasps) -> str:
+    """The YAML text of one object's trials with one gripper, `grasp_<row of the table>`.
+
+    The joints are the same in every grasp, so that all but the first refer to the first's (YAML's & and *). Written by
+    hand: PyYAML takes minutes for 100,000 grasps.
+    """
+    T = torch.from_numpy(grasps.T_object_gripper)
+    closed = "&closed " + _mapping({joint: gripper.closed[joint] for joint in gripper.active})
+    opened = "&open " + _mapping({joint: gripper.joints[joint] for joint in gripper.active})
+    lines = [
+        f"format: {FORMAT}",
+        f"format_version: {VERSION}",
+        f"object_frame_link: {obj.name}",
+        f"gripper_frame_link: {gripper.name}",
+        "grasps:" if len(T) else "grasps: {}",
+    ]
+    positions, quaternions = rounded(T[:, :3, 3].numpy()), rounded(se3.quaternion_of(T).numpy())
+    rows = zip(grasps.index, grasps.success, positions, quaternions, strict=True)
+    for index, success, position, (w, *xyz) in rows:
+        lines += [
+            f"  grasp_{index}:",
+            f"    confidence: {float(success)}",
+            f"    position: [{_numbers(position)}]",
+            f"    orientation: {{w: {_number(w)}, xyz: [{_numbers(xyz)}]}}",
+            f"    cspace_position: {closed}",
+            f"    pregrasp_cspace_position: {opened}",
+        ]
+        closed, opened = "*closed", "*open"
+    return "\n".join(lines) + "\n"
+
+
 def read_isaac(path: Path) -> IsaacGrasps:
-    """The grasps of an Isaac grasp file, whoever wrote it.
+    """Read an Isaac grasp file of any program.
 
     Raises InputError in one line for a file that is missing, cut off, of another format or version, with a tag of
     YAML that would make an object, a quaternion that is not of length 1, a number that is not finite.
@@ -107,9 +158,9 @@ def _plain(grasp: Grasp, gripper: Gripper) -> dict[str, Any]:
 
 def _grasp(key: str, values: Any, path: Path) -> IsaacGrasp:
     where = f"{path}: {key}"
-    turn = entry(values, "orientation", where)
-    w = number(entry(turn, "w", where), f"{where}.orientation.w")
-    xyz = vector(entry(turn, "xyz", where), 3, f"{where}.orientation.xyz")
+    orientation = entry(values, "orientation", where)
+    w = number(entry(orientation, "w", where), f"{where}.orientation.w")
+    xyz = vector(entry(orientation, "xyz", where), 3, f"{where}.orientation.xyz")
     if abs(np.hypot(w, np.linalg.norm(xyz)) - 1) > TOLERANCE:
         raise InputError(f"{where}.orientation: expected a quaternion of length 1, got w {w:g}, xyz {xyz.tolist()}")
     T = np.eye(4)
@@ -124,3 +175,16 @@ def _grasp(key: str, values: Any, path: Path) -> IsaacGrasp:
     return IsaacGrasp(
         key, number(entry(values, "confidence", where), f"{where}.confidence", 0.0, 1.0), T, closed, opened
     )
+
+
+def _mapping(values: Mapping[str, float]) -> str:
+    return "{" + ", ".join(f"{joint}: {_number(value)}" for joint, value in values.items()) + "}"
+
+
+def _numbers(values: list[float]) -> str:
+    return ", ".join(map(_number, values))
+
+
+def _number(value: float) -> str:
+    """Without an exponent: YAML 1.1 takes 1e-05 for a word."""
+    return f"{value:.{DIGITS}f}"

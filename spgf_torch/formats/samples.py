@@ -101,8 +101,8 @@ def grasp_clouds(
     order = np.argpartition(rings, kept - 1, axis=1)[:, :kept]
     order = np.take_along_axis(order, np.take_along_axis(rings, order, 1).argsort(1), 1)  # all inside come first
     count = np.minimum(inside.sum(axis=1), kept)
-    turn = np.arange(config.points)[None] % count[:, None]
-    return np.take_along_axis(local, np.take_along_axis(order, turn, 1)[:, :, None], 1)
+    repeat = np.arange(config.points)[None] % count[:, None]
+    return np.take_along_axis(local, np.take_along_axis(order, repeat, 1)[:, :, None], 1)
 
 
 def read_samples(path: Path) -> Iterator[Sample]:

@@ -1,6 +1,6 @@
 """GraspGen's WebDataset: `shard_%03d.tar` with a sample an object and gripper, and `uuid_index.json` {uuid: shard}.
 
-A sample's `__key__` is its uuid, here OBJECT_TYPE; its one file `grasps.json` is what `graspgen` writes into a file.
+A sample's `__key__` is its uuid OBJECT_TYPE; its one file `grasps.json` is what `graspgen` writes into a file.
 `map_uuid_to_path.json` beside the meshes says which one belongs to a uuid; GraspGen looks for it there.
 """
 
@@ -23,8 +23,8 @@ INDEX, MAP, GRASPS = "uuid_index.json", "map_uuid_to_path.json", "grasps.json"
 IN_SHARD = 20  # objects and grippers: GraspGen's reader searches a shard from its beginning
 
 
-def uuid(obj: GraspObject, kind: str) -> str:
-    return f"{obj.name}_{kind}"
+def uuid(obj: GraspObject, grasp_type: str) -> str:
+    return f"{obj.name}_{grasp_type}"
 
 
 def shard_name(number: int) -> str:
@@ -34,20 +34,20 @@ def shard_name(number: int) -> str:
 def write_shards(folder: Path, trials: TrialSet, advance: Callable[[int], None]) -> None:
     """Shards, index and splits into `folder`, the map of meshes beside it."""
     folder.mkdir(parents=True)
-    pairs = [(i, kind) for i in range(len(trials.objects)) for kind in trials.grippers]
-    shards = {uuid(trials.objects[i], kind): at // IN_SHARD for at, (i, kind) in enumerate(pairs)}
+    pairs = [(i, grasp_type) for i in range(len(trials.objects)) for grasp_type in trials.grippers]
+    shards = {uuid(trials.objects[i], grasp_type): at // IN_SHARD for at, (i, grasp_type) in enumerate(pairs)}
     for first in range(0, len(pairs), IN_SHARD):
         with tar.written(folder / shard_name(first // IN_SHARD)) as shard:
-            for i, kind in pairs[first : first + IN_SHARD]:
-                obj, gripper = trials.objects[i], trials.grippers[kind]
-                text = grasps_text(obj, gripper, grasps_of(trials.tables[i], kind, gripper))
-                tar.add(shard, f"{uuid(obj, kind)}.{GRASPS}", text.encode())
+            for i, grasp_type in pairs[first : first + IN_SHARD]:
+                obj, gripper = trials.objects[i], trials.grippers[grasp_type]
+                text = grasps_text(obj, gripper, grasps_of(trials.tables[i], grasp_type, gripper))
+                tar.add(shard, f"{uuid(obj, grasp_type)}.{GRASPS}", text.encode())
         advance(len(pairs[first : first + IN_SHARD]))
     (folder / INDEX).write_text(json.dumps(shards, indent=1) + "\n")
-    paths = {uuid(trials.objects[i], kind): mesh_file(trials.objects[i]) for i, kind in pairs}
+    paths = {uuid(trials.objects[i], grasp_type): mesh_file(trials.objects[i]) for i, grasp_type in pairs}
     (folder.parent / MAP).write_text(json.dumps(paths, indent=1) + "\n")
-    for kind, gripper in trials.grippers.items():
-        write_splits(folder / "splits" / gripper.name, trials, lambda obj, kind=kind: uuid(obj, kind))  # type: ignore[misc]
+    for grasp_type, gripper in trials.grippers.items():
+        write_splits(folder / "splits" / gripper.name, trials, lambda obj, grasp_type=grasp_type: uuid(obj, grasp_type))  # type: ignore[misc]
 
 
 def read_shards(folder: Path) -> dict[str, GraspgenFile]:

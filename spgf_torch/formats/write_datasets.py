@@ -1,4 +1,4 @@
-"""All wanted formats of a trial set, in one folder, and what was written in a table."""
+"""Write all wanted formats of a trial set into one folder, and tabulate what was written."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from spgf_torch.formats.card import card, write_card
 from spgf_torch.formats.common import write_common
 from spgf_torch.formats.config import ExportConfig
 from spgf_torch.formats.graspgen import write_graspgen
-from spgf_torch.formats.graspnet_datasets import write_graspnet_set
-from spgf_torch.formats.isaac_datasets import write_isaac_set
+from spgf_torch.formats.graspnet import write_graspnet_trials
+from spgf_torch.formats.isaac import write_isaac_trials
 from spgf_torch.formats.samples import write_samples
 from spgf_torch.formats.shards import write_shards
 from spgf_torch.formats.trial_sets import TrialSet
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 
 # Formats that go object by object.
 WRITERS: dict[str, Callable[[Path, TrialSet, Callable[[int], None]], None]] = {
     "acronym": write_acronym,
     "graspgen": write_graspgen,
-    "isaac": write_isaac_set,
-    "graspnet": write_graspnet_set,
+    "isaac": write_isaac_trials,
+    "graspnet": write_graspnet_trials,
 }
 
 
 def write_formats(
-    folder: Path, trials: TrialSet, formats: Sequence[str], config: ExportConfig, stages: Stages
+    folder: Path, trials: TrialSet, formats: Sequence[str], config: ExportConfig, stages: ProgressReporter
 ) -> dict[str, Any]:
     """Write everything into an empty folder; returns the card."""
     objects = len(trials.objects)
@@ -54,9 +54,9 @@ def write_formats(
 def rates_table(known: Mapping[str, Any]) -> Table:
     """Trials and successes of each class and type."""
     table = Table("", title=f"{known['counts']['trials']:,} trials exported", box=box.SIMPLE_HEAD)
-    for kind in known["rates"]["all"]:
+    for grasp_type in known["rates"]["all"]:
         for word in ("trials", "held", "%"):
-            table.add_column(f"{kind} {word}", justify="right")
+            table.add_column(f"{grasp_type} {word}", justify="right")
     for name, block in known["rates"].items():
         cells = [
             text

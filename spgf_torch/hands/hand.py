@@ -1,4 +1,4 @@
-"""The hand: one URDF read by pytorch-kinematics here and by SAPIEN in `episode`.
+"""The hand: one URDF, read by pytorch-kinematics in this module and by SAPIEN in `episode`.
 
 Frames: `base` is the palm (z out of it), `tcp` lies midway between the pads (+z approach, +x closing from the first
 pad to the second). Everything about a hand follows from its URDF and `conf/hand/*.yaml`; there is no code for one hand.
@@ -210,7 +210,7 @@ class Kinematics:
         z = np.array([0.0, 0.0, 1.0])
         x = second - first
         if np.linalg.norm(x) < TOUCHING:
-            x = self.axis  # of pads that meet nothing else tells which way they came
+            x = self.axis  # pads that touch define no direction; this is the one they came from
         x = x - (x @ z) * z
         x /= np.linalg.norm(x)
         T = np.eye(4)

@@ -1,4 +1,4 @@
-"""A grasp with everything that a robot needs to run it, and the hand as formats with one gripper see it."""
+"""Records of a grasp, complete for execution, and of a hand as one gripper for each grasp type."""
 
 from __future__ import annotations
 
@@ -94,18 +94,18 @@ def grippers_of(hand: Hand) -> dict[str, Gripper]:
     joints = xml_root(urdf, hand.urdf, "a URDF of a hand").iter("joint")
     mimics = {joint.get("name") for joint in joints if joint.find("mimic") is not None}
     grippers = {}
-    for kind, preshape in hand.preshapes.items():
+    for grasp_type, preshape in hand.preshapes.items():
         front = max(float(shape.bounds[1, 2]) for shape in preshape.shapes)
         tips = [shape.bounds[:, 1] for shape in preshape.shapes if shape.bounds[1, 2] > front - 1e-6]
-        grippers[kind] = Gripper(
-            name=f"{hand.config.name}_{kind}",
-            type=kind,
+        grippers[grasp_type] = Gripper(
+            name=f"{hand.config.name}_{grasp_type}",
+            type=grasp_type,
             base_link=hand.config.base_link,
             T_base_tcp=preshape.T_base_tcp,
             joints=dict(preshape.joints),
             closed=dict(closed),
             active=tuple(name for name in preshape.joints if name not in mimics),
-            width=hand.config.openings[kind],
+            width=hand.config.openings[grasp_type],
             depth=max(front, 0.0),
             height=float(np.max(tips) - np.min(tips)),
             shapes=preshape.shapes,

@@ -20,23 +20,24 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from spgf_torch.cache import Cache, fingerprint, program
+from spgf_torch.cache import Cache, code_fingerprint, fingerprint
 from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.experiment.experiment import Design, teaching
-from spgf_torch.experiment.labelled_grasps import Tried, open_hand
-from spgf_torch.experiment.training_set import Example
+from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.judging.clouds import seen_as
 from spgf_torch.judging.config import JudgeConfig, TreesConfig
 from spgf_torch.judging.learning import judge_of, learn_judge
 from spgf_torch.judging.rows import SAMPLED, Rows
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.config import HypothesesConfig, ProposingConfig
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import judge_features
 from spgf_torch.settings import plain, settings
+from spgf_torch.simulation.table import TrialTable
 from spgf_torch.threads import in_parts
 
 # Score of a candidate that is not judged: below every probability, all alike.
@@ -49,13 +50,13 @@ class SeenCandidates:
     """One object's candidates as a judge sees them.
 
     Attributes:
-        index: of the object among all. tried: all its G candidates.
+        index: of the object among all. table: all its G candidates.
         free: (F,) int64, those at which no sensed point lies inside the open hand, ascending.
         numbers: (F, 31) f32, `judge_features.NAMES` of these.
     """
 
     index: int
-    tried: Tried
+    table: TrialTable
     free: Tensor
     numbers: Tensor
 
@@ -64,12 +65,12 @@ class SeenCandidates:
         taught = torch.isin(self.free, teach.cpu())
         obj, cloud, round_, rank = (torch.full((int(taught.sum()),), value) for value in (self.index, 0, 0, SAMPLED))
         nowhere = torch.full(obj.shape, torch.nan)
-        outcome = self.tried.outcome[self.free[taught]]
+        outcome = self.table.outcome[self.free[taught]]
         return Rows(self.numbers[taught], outcome, obj, cloud, round_, rank, nowhere.isfinite(), nowhere)
 
     def scores(self, judge: Judge) -> Tensor:
         """(G,) f32: the probability that each holds; `EXCLUDED` where it is not free."""
-        scores = torch.full((len(self.tried.outcome),), EXCLUDED)
+        scores = torch.full((len(self.table),), EXCLUDED)
         scores[self.free] = judge.probability(self.numbers, images=True)
         return scores
 
@@ -108,12 +109,12 @@ class CandidateRanking:
         self,
         design: Design,
         objects: Sequence[GraspObject],
-        tried: Sequence[Tried],
-        examples: Sequence[Example],
-        stages: Stages,
+        tables: Sequence[TrialTable],
+        examples: Sequence[DescribedObject],
+        stages: ProgressReporter,
     ) -> list[Tensor]:
         """(G,) f32 for each object: `SeenCandidates.scores` of a judge that learned from the training folds alone."""
-        given = list(zip(range(len(objects)), objects, tried, examples, strict=True))
+        given = list(zip(range(len(objects)), objects, tables, examples, strict=True))
         with stages.stage("rows", len(objects), "objects") as advance:
             seen = [(advance(1), done)[1] for done in in_parts(lambda each: self.seen(*each), given)]
         teach = teaching(examples, self.experiment)
@@ -126,10 +127,10 @@ class CandidateRanking:
                 advance(1)
         return [found[i] for i in range(len(objects))]
 
-    def seen(self, index: int, obj: GraspObject, tried: Tried, example: Example) -> SeenCandidates:
+    def seen(self, index: int, obj: GraspObject, table: TrialTable, example: DescribedObject) -> SeenCandidates:
         """An object's candidates in the experiment's own cloud of it; their numbers are kept in the cache."""
-        free = (~example.described.collides.cpu()).nonzero()[:, 0]
-        poses = Hypotheses(tried.grasps.T_object_tcp.float(), tried.grasps.grasp_type).at(free)
+        free = (~example.collides.cpu()).nonzero()[:, 0]
+        poses = Hypotheses(table.T_object_tcp.float(), table.grasp_type).at(free)
         sensing, seed = self.experiment.sensing, self.experiment.seed
 
         def make() -> dict[str, Tensor]:
@@ -138,6 +139,12 @@ class CandidateRanking:
 
         surface = (obj.name, obj.mesh.vertices, obj.mesh.faces)
         key = fingerprint(
-            program(__name__), surface, plain(sensing), seed, poses, self.search.clearance.volumes, self.search.config
+            code_fingerprint(__name__),
+            surface,
+            plain(sensing),
+            seed,
+            poses,
+            self.search.clearance.volumes,
+            self.search.config,
         )
-        return SeenCandidates(index, tried, free, self.cache.tensors(KIND, key, make)[KIND])
+        return SeenCandidates(index, table, free, self.cache.tensors(KIND, key, make)[KIND])

@@ -24,21 +24,21 @@ from spgf_torch.judging.clouds import training_clouds
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.fitting import fits
 from spgf_torch.judging.learning import calibration_of, judge_of, learn_judge
-from spgf_torch.judging.own_trials import OwnOrigin, OwnTrials, read_own, write_own
+from spgf_torch.judging.own_trials import OwnProvenance, OwnTrials, read_own, write_own
 from spgf_torch.judging.rounds import Workshop, own_round, own_rows, random_rows, random_tables
 from spgf_torch.judging.rows import Bench, Rows
 from spgf_torch.judging.survey import survey
 from spgf_torch.judging.validation import cross_validated, executed, validation_rows
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.hypotheses import Search
 from spgf_torch.proposing.judge import Judge, save_judge
 from spgf_torch.settings import plain
-from spgf_torch.simulation.attempts import Trials
-from spgf_torch.simulation.executors import check_address, runner_of
+from spgf_torch.simulation.executors import check_address, executor_of
 from spgf_torch.simulation.table import TrialTable, table_path, write_table
+from spgf_torch.simulation.worker import Trials
 from spgf_torch.threads import in_parts
 
 # Folders in a run's: random trials, where they were made, and those of the rounds.
@@ -60,18 +60,18 @@ class Course:
     given: list[OwnTrials] | None
 
     @staticmethod
-    def of(objects: Sequence[GraspObject], config: JudgeConfig, cache: Cache, stages: Stages) -> Course:
+    def of(objects: Sequence[GraspObject], config: JudgeConfig, cache: Cache, stages: ProgressReporter) -> Course:
         """InputError where the settings, the objects and the tables do not go together."""
         check_address(config.runner, config.address)
         proposing = config.proposing
         clearances = (proposing.plane_clearance, proposing.between, proposing.obstacle_clearance)
         search = Search.of(Clearance(open_hand(config.hand), *clearances), config.hypotheses)
         trials = Trials(load_hand(config.hand), config.episode)
-        runner = partial(runner_of, config.workers, config.time_limit, config.address)
-        shop, given = Workshop(trials, search, config, cache, stages, runner), None
+        executor = partial(executor_of, config.workers, config.time_limit, config.address)
+        shop, given = Workshop(trials, search, config, cache, stages, executor), None
         fold = _folds(objects, config)
         if config.own_trials is not None:
-            given = read_own(find(config.own_trials), [OwnOrigin.of(obj, trials, config) for obj in objects])
+            given = read_own(find(config.own_trials), [OwnProvenance.of(obj, trials, config) for obj in objects])
         return Course(objects, fold, shop, given)
 
     def tables(self) -> list[TrialTable]:
@@ -172,7 +172,7 @@ class Course:
 def write_tables(tables: Sequence[TrialTable], folder: Path) -> None:
     """Random trials that were made, as `simulate` would leave them in `folder`."""
     folder.mkdir()
-    made = {key: getattr(tables[0].origin, key) for key in ("candidates", "seed", "sampler", "episode")}
+    made = {key: getattr(tables[0].provenance, key) for key in ("candidates", "seed", "sampler", "episode")}
     write_bytes(folder / "config.yaml", sealed_yaml(OmegaConf.to_yaml(OmegaConf.create(made))))
     for table in tables:
         write_table(table_path(folder, table.object_name), table)

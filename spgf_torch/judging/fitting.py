@@ -21,7 +21,7 @@ from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.proposing.clearance import Plane
 from spgf_torch.proposing.hypotheses import Hypotheses, Search, moved
-from spgf_torch.proposing.spreading import suppress
+from spgf_torch.proposing.sampling import non_maximum_suppression
 from spgf_torch.simulation.candidates import SKIN
 from spgf_torch.simulation.precheck import PreCheck
 
@@ -35,8 +35,8 @@ def fits(obj: GraspObject, hand: Hand, search: Search, config: JudgeConfig) -> d
     """Whether an object fits the hand: on a table (True), and alone (False)."""
     T, width = opposite_places(obj, config.hypotheses.friction)
     found = []
-    for code, kind in enumerate(GRASP_TYPES):
-        region, check = search.hands[code].region, PreCheck(obj, hand.preshapes[kind])
+    for code, name in enumerate(GRASP_TYPES):
+        region, check = search.hands[code].region, PreCheck(obj, hand.preshapes[name])
         within = T[width <= 2 * (region.half - config.hypotheses.play)]
         its = torch.cat([moved(within, torch.tensor(-share * region.high), torch.zeros(1)) for share in ON_PADS])
         its = its[torch.tensor([not check.collides(pose) for pose in its.double().numpy()], dtype=torch.bool)]
@@ -50,7 +50,11 @@ def fits(obj: GraspObject, hand: Hand, search: Search, config: JudgeConfig) -> d
 def distinct(T: Tensor, config: JudgeConfig) -> int:
     """How many of the poses (G, 4, 4) are no two the same grasp."""
     same = torch.zeros(len(T), dtype=torch.int64)
-    return len(suppress(T, same, same.float(), config.proposing.apart, config.proposing.apart_deg)) if len(T) else 0
+    return (
+        len(non_maximum_suppression(T, same, same.float(), config.proposing.apart, config.proposing.apart_deg))
+        if len(T)
+        else 0
+    )
 
 
 def opposite_places(obj: GraspObject, friction: float) -> tuple[Tensor, Tensor]:

@@ -70,15 +70,15 @@ def calibration_of(best: Rows) -> dict[str, Curve]:
     return {name: rising_curve(best.probability[of], best.success[of]) for name, of in of_each if of.any()}
 
 
-def rising_curve(p: Tensor, held: Tensor) -> Curve:
-    """What makes p (R,) the share of those that held (R,).
+def rising_curve(p: Tensor, success: Tensor) -> Curve:
+    """What makes p (R,) the share of successes (R,).
 
     A prior of one standard deviation on the shift and on the slopes' logarithms keeps them finite.
     """
     from scipy.optimize import minimize  # half a second
 
     its = p.double().clamp(_EDGE, 1 - _EDGE).numpy()
-    low, high, sign = np.log(its), -np.log1p(-its), np.where(held.numpy(), 1.0, -1.0)
+    low, high, sign = np.log(its), -np.log1p(-its), np.where(success.numpy(), 1.0, -1.0)
 
     def loss(curve: np.ndarray) -> float:
         log_odds = math.exp(curve[0]) * low + math.exp(curve[1]) * high + curve[2]
@@ -97,9 +97,9 @@ def weights(rows: Rows) -> Tensor:
 
 def fit(numbers: Tensor, label: Tensor, weight: Tensor, config: JudgeConfig) -> Form:
     """One factor from numbers (R, D), labels (R,) bool and weights (R,); of one label alone, its share smoothed."""
-    held = int(label.sum())
-    if held in (0, len(label)):
-        return _constant(math.log((held + 1) / (len(label) - held + 1)))
+    positives = int(label.sum())
+    if positives in (0, len(label)):
+        return _constant(math.log((positives + 1) / (len(label) - positives + 1)))
     x, y, w = numbers.double().numpy(), label.numpy(), weight.numpy()
     return _trees(x, y, w, config.learning) if config.form == "trees" else _logistic(x, y, w)
 

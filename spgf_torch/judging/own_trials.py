@@ -29,7 +29,6 @@ from spgf_torch.judging.rows import PICKED, Chosen
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.settings import plain
-from spgf_torch.simulation.attempts import Trials
 from spgf_torch.simulation.execute import versions
 from spgf_torch.simulation.table import (
     COLUMNS,
@@ -46,6 +45,7 @@ from spgf_torch.simulation.table import (
     table_path,
     write_columns,
 )
+from spgf_torch.simulation.worker import Trials
 
 SCHEMA = 1
 KEY = b"spgf_torch.own_trials"  # of the metadata in the Parquet schema
@@ -56,7 +56,7 @@ CHOICE = ("rounds", "best", "random", "one_view", "four_views", "lowest_deg", "h
 
 
 @dataclass(frozen=True)
-class OwnOrigin:
+class OwnProvenance:
     """What a table was made from.
 
     Attributes:
@@ -73,10 +73,12 @@ class OwnOrigin:
     sensing: dict[str, Any]
 
     @staticmethod
-    def of(obj: GraspObject, trials: Trials, config: JudgeConfig) -> OwnOrigin:
+    def of(obj: GraspObject, trials: Trials, config: JudgeConfig) -> OwnProvenance:
         """Of the trials on an object that a call with these settings makes."""
         choice = {key: getattr(config, key) for key in CHOICE}
-        return OwnOrigin(obj.name, obj.digest, trials.hand.digest, plain(trials.episode), choice, plain(config.sensing))
+        return OwnProvenance(
+            obj.name, obj.digest, trials.hand.digest, plain(trials.episode), choice, plain(config.sensing)
+        )
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ class OwnTrials:
         versions: package -> version that made it.
     """
 
-    origin: OwnOrigin
+    provenance: OwnProvenance
     position: Tensor
     quaternion: Tensor
     grasp_type: Tensor
@@ -101,13 +103,13 @@ class OwnTrials:
     versions: dict[str, str]
 
     @staticmethod
-    def of(origin: OwnOrigin, chosen: Chosen, number: int) -> OwnTrials:
+    def of(provenance: OwnProvenance, chosen: Chosen, number: int) -> OwnTrials:
         """What was chosen in round `number`, none of it tried yet."""
         poses = chosen.poses
         position, quaternion = se3.position_of(poses.T).float(), se3.quaternion_of(poses.T.double()).float()
         outcome, round_ = (torch.full((len(poses),), value) for value in (0, number))
         columns = (position, quaternion, poses.grasp_type, outcome, round_)
-        return OwnTrials(origin, *columns, chosen.cloud, chosen.rank, chosen.probability, versions())
+        return OwnTrials(provenance, *columns, chosen.cloud, chosen.rank, chosen.probability, versions())
 
     @staticmethod
     def together(parts: Sequence[OwnTrials]) -> OwnTrials:
@@ -128,27 +130,27 @@ class OwnTrials:
         return Chosen(poses, self.cloud, self.rank, self.probability)
 
 
-_COLUMNS = [part.name for part in fields(OwnTrials) if part.name not in ("origin", "versions")]
+_COLUMNS = [part.name for part in fields(OwnTrials) if part.name not in ("provenance", "versions")]
 
 
 def write_own(folder: Path, own: OwnTrials) -> None:
-    """Write the table of an object into `folder`, with its seal, at once or not at all."""
+    """Write the table of an object into `folder`, with its seal, atomically."""
     columns = columns_of(own)
     columns |= {name: getattr(own, name).numpy().astype(kind) for name, kind in WHOLE.items()}
     columns["probability"] = own.probability.numpy()
-    about = {"schema": SCHEMA, "origin": asdict(own.origin), "versions": own.versions}
-    write_columns(table_path(folder, own.origin.object_name), columns, {KEY: json.dumps(about, sort_keys=True)})
+    about = {"schema": SCHEMA, "origin": asdict(own.provenance), "versions": own.versions}
+    write_columns(table_path(folder, own.provenance.object_name), columns, {KEY: json.dumps(about, sort_keys=True)})
 
 
-def read_own(folder: Path, expected: Iterable[OwnOrigin]) -> list[OwnTrials]:
+def read_own(folder: Path, expected: Iterable[OwnProvenance]) -> list[OwnTrials]:
     """The tables of `expected`, in its order.
 
     Raises InputError where one is missing, damaged, or was made from something else than expected.
     """
     found = []
-    for origin in expected:
-        own = _read(table_path(folder, origin.object_name))
-        compare(table_path(folder, origin.object_name), origin, own.origin)  # type: ignore[arg-type]
+    for provenance in expected:
+        own = _read(table_path(folder, provenance.object_name))
+        compare(table_path(folder, provenance.object_name), provenance, own.provenance)  # type: ignore[arg-type]
         found.append(own)
     return found
 
@@ -177,7 +179,7 @@ def _decoded(path: Path, content: pa.Table) -> OwnTrials:
         raise InputError(f"{path}: expected {WHAT}, of schema {SCHEMA}, got {about.get('schema', 'another file')}")
     whole = {name: torch.from_numpy(content[name].to_numpy().astype(np.int64)) for name in WHOLE}
     return OwnTrials(
-        origin=OwnOrigin(**about["origin"]),
+        provenance=OwnProvenance(**about["origin"]),
         position=floats(content, POSITION),
         quaternion=floats(content, QUATERNION),
         grasp_type=codes_in(path, content, "type", GRASP_TYPES),
@@ -190,7 +192,7 @@ def _decoded(path: Path, content: pa.Table) -> OwnTrials:
 
 def _check_counts(path: Path, own: OwnTrials) -> None:
     """InputError for a round, a place or a probability that no choice gives."""
-    judging = own.origin.judging
+    judging = own.provenance.judging
     clouds = 2 * (judging["one_view"] + judging["four_views"])  # alone and on a table
     for name, low, high in (
         ("round", 1, judging["rounds"] + 1),  # the last is that of validation

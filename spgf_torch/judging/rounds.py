@@ -16,16 +16,16 @@ import torch
 from spgf_torch.cache import Cache
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.judging.config import JudgeConfig
-from spgf_torch.judging.own_trials import OwnOrigin, OwnTrials
+from spgf_torch.judging.own_trials import OwnProvenance, OwnTrials
 from spgf_torch.judging.rows import PICKED, SAMPLED, Bench, Chosen, Rows
 from spgf_torch.judging.trying import tried
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
-from spgf_torch.proposing.spreading import suppress
-from spgf_torch.simulation.execute import Trials, origin, sample, table_of
-from spgf_torch.simulation.executors import Runner
+from spgf_torch.proposing.sampling import non_maximum_suppression
+from spgf_torch.simulation.execute import Trials, provenance_of, sample, table_of
+from spgf_torch.simulation.executors import Executor
 from spgf_torch.simulation.table import TrialTable, pose_matrix
 from spgf_torch.threads import in_parts
 
@@ -35,26 +35,26 @@ class Workshop:
     """What trials are made with: how they run, the search of hypotheses, settings, what is kept, progress.
 
     Attributes:
-        runner: makes what runs the trials of one stage.
+        executor: makes what runs the trials of one stage.
     """
 
     trials: Trials
     search: Search
     config: JudgeConfig
     cache: Cache
-    stages: Stages
-    runner: Callable[[], Runner]
+    stages: ProgressReporter
+    executor: Callable[[], Executor]
 
 
 def random_tables(objects: Sequence[GraspObject], shop: Workshop) -> list[TrialTable]:
     """`config.candidates` random trials of each type on each object: the tables that `simulate` would make."""
     config = shop.config
-    origins = [origin(obj, shop.trials, config.sampler, config.candidates, config.seed) for obj in objects]
-    poses = [sample(obj, its) for obj, its in zip(objects, origins, strict=True)]
+    provenances = [provenance_of(obj, shop.trials, config.sampler, config.candidates, config.seed) for obj in objects]
+    poses = [sample(obj, its) for obj, its in zip(objects, provenances, strict=True)]
     grasp_type = torch.arange(len(GRASP_TYPES)).repeat_interleave(config.candidates)
     sampled = [Hypotheses(pose_matrix(each.position, each.quaternion), grasp_type) for each in poses]
     outcomes = _tried(objects, sampled, shop)
-    return [table_of(*parts) for parts in zip(origins, poses, outcomes, strict=True)]
+    return [table_of(*parts) for parts in zip(provenances, poses, outcomes, strict=True)]
 
 
 def random_rows(benches: Sequence[Bench], tables: Sequence[TrialTable], shop: Workshop) -> Rows:
@@ -77,7 +77,7 @@ def own_round(
     drafts = []
     for bench in benches:
         chosen = choose(bench, judges[int(fold[bench.index])], number, shop.config)
-        drafts.append(OwnTrials.of(OwnOrigin.of(bench.obj, shop.trials, shop.config), chosen, number))
+        drafts.append(OwnTrials.of(OwnProvenance.of(bench.obj, shop.trials, shop.config), chosen, number))
     outcomes = _tried([bench.obj for bench in benches], [draft.chosen.poses for draft in drafts], shop)
     return [replace(draft, outcome=outcome) for draft, outcome in zip(drafts, outcomes, strict=True)]
 
@@ -91,20 +91,22 @@ def own_rows(benches: Sequence[Bench], own: Sequence[OwnTrials], number: int, sh
 def choose(bench: Bench, judge: Judge, number: int, config: JudgeConfig) -> Chosen:
     """In each cloud of an object the `best` hypotheses that are no two the same grasp, then `random` of the others."""
     rng = torch.Generator().manual_seed(zlib.crc32(f"{config.seed}/{number}/{bench.obj.name}".encode()))
-    T, kind, cloud, rank, probability = [], [], [], [], []
+    T, grasp_type, cloud, rank, probability = [], [], [], [], []
     for index, (hypotheses, numbers) in enumerate(zip(bench.hypotheses, bench.numbers, strict=True)):
         p = judge.probability(numbers, images=True)
         alike = torch.zeros(len(p), dtype=torch.int64)
-        best = suppress(hypotheses.T, alike, p, config.proposing.apart, config.proposing.apart_deg)[: config.best]
+        best = non_maximum_suppression(hypotheses.T, alike, p, config.proposing.apart, config.proposing.apart_deg)[
+            : config.best
+        ]
         others = torch.randperm(len(p), generator=rng)
         others = others[~torch.isin(others, best)][: config.random if number <= config.rounds else 0]
         both = torch.cat([best, others])
         T.append(hypotheses.T[both])
-        kind.append(hypotheses.grasp_type[both])
+        grasp_type.append(hypotheses.grasp_type[both])
         cloud.append(torch.full((len(both),), index))
         rank.append(torch.cat([torch.arange(len(best)), torch.full((len(others),), PICKED)]))
         probability.append(p[both])
-    return Chosen(Hypotheses(torch.cat(T), torch.cat(kind)), *map(torch.cat, (cloud, rank, probability)))
+    return Chosen(Hypotheses(torch.cat(T), torch.cat(grasp_type)), *map(torch.cat, (cloud, rank, probability)))
 
 
 def _rows(
@@ -126,7 +128,7 @@ def _tried(objects: Sequence[GraspObject], poses: Sequence[Hypotheses], shop: Wo
                 requests.append((obj, kind, its.T[which]))
                 where.append((index, which))
     with shop.stages.stage("trials", sum(map(len, poses)), "grasps") as advance:
-        ended = tried(requests, shop.trials, shop.runner, shop.cache, advance)
+        ended = tried(requests, shop.trials, shop.executor, shop.cache, advance)
     outcomes = [torch.zeros(len(its), dtype=torch.int64) for its in poses]
     for (index, which), codes in zip(where, ended, strict=True):
         outcomes[index][which] = codes

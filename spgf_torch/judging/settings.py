@@ -50,7 +50,7 @@ VOTES = [("sensing", 0.2), ("features", 0.1), ("particles", 0.1), ("prototypes",
 
 
 def _defaults(keys: set[str]) -> dict[str, Any]:
-    """What conf/judge.yaml says, with the rooms that it names."""
+    """What conf/judge.yaml says, with the groups that it names."""
     values: Any = OmegaConf.to_container(OmegaConf.load(root() / "conf/judge.yaml"))
     rooms = {room: file for entry in values.pop("defaults") if isinstance(entry, dict) for room, file in entry.items()}
     loaded = {room: OmegaConf.load(root() / f"conf/{room}/{rooms[room]}.yaml") for room in keys & rooms.keys()}

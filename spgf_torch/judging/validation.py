@@ -41,17 +41,17 @@ def executed(
         if not inside.any():
             continue
         fitting = {o: its for o, its in clouds.items() if fit[o][on_table[o][its[0]]]}
-        of_kind, p, held = best.at(inside), said[inside].numpy(), best.success[inside].numpy()
+        of_kind, p, success = best.at(inside), said[inside].numpy(), best.success[inside].numpy()
         picked = chance.success[_in(chance, clouds)]
         found[name] = {
             **_rates(of_kind, clouds, config),
             "random": float(picked.double().mean()) if len(picked) else 0.0,
             "predicted": float(p.mean()),
-            "ece": reliability(p, held).ece,
-            "ece_uncalibrated": reliability(of_kind.probability.double().numpy(), held).ece,
-            "brier": brier(p, held),
+            "ece": reliability(p, success).ece,
+            "ece_uncalibrated": reliability(of_kind.probability.double().numpy(), success).ece,
+            "brier": brier(p, success),
             "sure": int((p >= config.sure).sum()),
-            "sure_held": int(held[p >= config.sure].sum()),
+            "sure_held": int(success[p >= config.sure].sum()),
             "fit": _rates(of_kind.at(_in(of_kind, fitting)), fitting, config) if fitting else None,
         }
     return found
@@ -114,23 +114,27 @@ def cross_validated(rows: Rows, benches: Sequence[Bench], fold: np.ndarray, conf
     found: dict[str, Any] = {}
     for name, clouds in kinds(benches).items():
         of_kind = rows.home & (rows.rank > SAMPLED) & _in(rows, clouds)
-        held = rows.success[of_kind].numpy()
+        success = rows.success[of_kind].numpy()
         for known, p in said.items():
             p_kind = p[of_kind].numpy()
-            scores = {"auc": auc(p_kind, held), "brier": brier(p_kind, held), "ece": reliability(p_kind, held).ece}
-            found.setdefault(name, {})[known] = {"trials": len(held), **scores}
+            found.setdefault(name, {})[known] = {
+                "trials": len(success),
+                "auc": auc(p_kind, success),
+                "brier": brier(p_kind, success),
+                "ece": reliability(p_kind, success).ece,
+            }
     return found
 
 
 def auc(score: np.ndarray, success: np.ndarray) -> float:
     """Area under the ROC curve: how often a success has the higher score of a pair; 0.5 where there are no pairs."""
-    held, failed = int(success.sum()), int((~success).sum())
-    if not held or not failed:
+    positives, negatives = int(success.sum()), int((~success).sum())
+    if not positives or not negatives:
         return 0.5
     values, at = np.unique(score, return_inverse=True)
     count = np.bincount(at, minlength=len(values))
     rank = np.cumsum(count) - (count - 1) / 2  # of ties the mean, from 1
-    return float((rank[at][success].sum() - held * (held + 1) / 2) / (held * failed))
+    return float((rank[at][success].sum() - positives * (positives + 1) / 2) / (positives * negatives))
 
 
 def executed_table(results: dict[str, dict[str, Any]], best: int) -> Table:
@@ -171,8 +175,8 @@ def _in(rows: Rows, clouds: dict[int, list[int]]) -> Tensor:
 
 def _by_object(rows: Rows, clouds: dict[int, list[int]], count: int) -> np.ndarray:
     """(objects,) share of successes among `count` grasps of each of its clouds."""
-    held = torch.bincount(rows.obj[rows.success], minlength=max(clouds) + 1)
-    return np.array([float(held[obj]) / (count * len(numbers)) for obj, numbers in clouds.items()])
+    successes = torch.bincount(rows.obj[rows.success], minlength=max(clouds) + 1)
+    return np.array([float(successes[obj]) / (count * len(numbers)) for obj, numbers in clouds.items()])
 
 
 def _interval(rates: np.ndarray, config: JudgeConfig) -> list[float]:

@@ -35,7 +35,7 @@ class CollisionConfig:
 
 @dataclass
 class ObjectsConfig:
-    """A folder of objects, for every door that takes one: descriptions, or meshes and how they are read."""
+    """A folder of objects, for every command that takes one: descriptions, or meshes and how they are read."""
 
     objects: str = text()
     unit: str = choice("auto", "m", "cm", "mm")

@@ -17,7 +17,7 @@ from spgf_torch.objects.library import load_objects
 from spgf_torch.objects.manifest import CATEGORIES, MANIFEST, Entry, read_manifest
 from spgf_torch.objects.scans import FITTED, NOTHING_KEPT, Body, Scan, Source, read_body, scan_of
 from spgf_torch.paths import find
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 
 AUTO = "auto"  # unit: the layout's own
 LISTED = "manifest"  # category: what the manifest says
@@ -39,7 +39,7 @@ class Objects:
     notes: list[str]
 
 
-def read_objects(config: ObjectsConfig, stages: Stages, cache: Cache = NOTHING_KEPT) -> Objects:
+def read_objects(config: ObjectsConfig, stages: ProgressReporter, cache: Cache = NOTHING_KEPT) -> Objects:
     """Every object of the folder `config.objects`.
 
     Descriptions (*.yaml, `library`), or meshes: those that `manifest.csv` names with their files, else those of the
@@ -71,15 +71,15 @@ def _meshes(folder: Path, config: ObjectsConfig) -> tuple[list[Source], str, str
     manifest = folder / MANIFEST
     entries = read_manifest(manifest) if manifest.is_file() else []
     if entries and entries[0].file is not None:
-        files, kind, unit, told = {entry.name: entry.file for entry in entries if entry.file}, MANIFEST, "m", ""
+        files, kind, unit, details = {entry.name: entry.file for entry in entries if entry.file}, MANIFEST, "m", ""
     else:
         found = recognise(folder)
         entries = entries or [Entry(str(file), name, None, None, None) for name, file in found.files.items()]
         files, kind, unit = _listed(entries, found), f"{found.layout.name} layout", found.layout.unit
-        told = f": {found.words(files)}"
+        details = f": {found.words(files)}"
     unit = unit if config.unit == AUTO else config.unit
     scale = f"scaled to the hand's {_width(config) * 1e3:g} mm" if unit == FITTED else f"unit {unit}"
-    note = f"{folder}: {kind}, {_count(len(files), 'object')}, {scale}{told}"
+    note = f"{folder}: {kind}, {_count(len(files), 'object')}, {scale}{details}"
     sources = [Source(entry.name, files[entry.name], _category(folder, entry, config), entry.mass) for entry in entries]
     return sorted(sources, key=lambda source: source.name), unit, note
 

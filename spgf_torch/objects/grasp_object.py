@@ -1,4 +1,4 @@
-"""The record that the rooms share: one rigid object, its surface, its collision pieces and its mass."""
+"""The record that sub-packages share: one rigid object, its surface, its collision pieces and its mass."""
 
 from __future__ import annotations
 

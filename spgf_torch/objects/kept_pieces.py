@@ -7,7 +7,7 @@ import torch
 import trimesh
 from torch import Tensor
 
-from spgf_torch.cache import Cache, fingerprint, program
+from spgf_torch.cache import Cache, code_fingerprint, fingerprint
 from spgf_torch.objects.config import CollisionConfig
 from spgf_torch.objects.shell import PieceCheck, collision_pieces
 
@@ -26,6 +26,6 @@ def kept_pieces(
         }
 
     shape = (np.asarray(mesh.vertices), np.asarray(mesh.faces))
-    kept = cache.tensors("pieces", fingerprint(*shape, config, program("spgf_torch.objects.shell")), cut)
+    kept = cache.tensors("pieces", fingerprint(*shape, config, code_fingerprint("spgf_torch.objects.shell")), cut)
     pieces = tuple(piece.numpy() for piece in kept["corners"].split(kept["sizes"].tolist()))
     return pieces, PieceCheck(len(mesh.faces), len(pieces), *kept["check"].tolist())

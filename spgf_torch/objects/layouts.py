@@ -24,7 +24,7 @@ class Layout:
     """How a data set arranges its files.
 
     Attributes:
-        name: what people call it.
+        name: the common one.
         unit: of its meshes: m, mm, or FITTED where they have none.
         patterns: regular expressions of paths below the root, without regard to case, the preferred ones first;
             the group `name` is the object's, `variant` is what tells one pattern's files from another's.

@@ -63,7 +63,7 @@ def load_object(file: Path) -> GraspObject:
 
 
 def build(description: Description) -> GraspObject:
-    """The object that a description stands for: uniform density, so that mesh and mass give the inertia."""
+    """Build the object of a description: uniform density, so that mesh and mass give the inertia."""
     check_name(description.name, "name")
     solid = typed(SHAPES[description.shape], description.dimensions).solid()
     mesh = mesh_of(solid)

@@ -101,8 +101,8 @@ def solid_of(section: Section, chain: np.ndarray) -> Solid:
 def convex_stretches(chain: np.ndarray) -> Iterator[np.ndarray]:
     """The profile (M, 2), z never falling, cut at the points where it turns inwards."""
     first, last = chain[1:-1] - chain[:-2], chain[2:] - chain[1:-1]
-    turn = first[:, 0] * last[:, 1] - first[:, 1] * last[:, 0]
-    cuts = [0, *(np.flatnonzero(turn < -1e-12) + 1), len(chain) - 1]
+    cross = first[:, 0] * last[:, 1] - first[:, 1] * last[:, 0]
+    cuts = [0, *(np.flatnonzero(cross < -1e-12) + 1), len(chain) - 1]
     return (chain[start : stop + 1] for start, stop in pairwise(cuts))
 
 
@@ -183,8 +183,10 @@ class Handle:
         cuts = [np.array([wall(self.high), wall(self.high - self.thickness)])]
         for angle in np.deg2rad([60.0, 30.0, 0.0, -30.0, -60.0]):
             reach = np.array([self.reach, half])
-            turn = np.array([np.cos(angle), np.sin(angle)])
-            cuts.append(np.array([[axis, middle] + reach * turn, [axis, middle] + (reach - self.thickness) * turn]))
+            direction = np.array([np.cos(angle), np.sin(angle)])
+            cuts.append(
+                np.array([[axis, middle] + reach * direction, [axis, middle] + (reach - self.thickness) * direction])
+            )
         return [*cuts, np.array([wall(self.low), wall(self.low + self.thickness)])]
 
     def _across(self, line: np.ndarray, s_low: float, slope: float, growth: np.ndarray) -> np.ndarray:
@@ -203,12 +205,12 @@ def bent_of(radii: np.ndarray, bend: float, angle: float, sides: int = 12) -> So
     Lowest at z = 0. Between two rings of different size the quads are not flat: the surface is that of the hulls of
     neighbouring rings, which meet in the rings' planes.
     """
-    turns = np.linspace(-angle / 2, angle / 2, len(radii))
+    angles = np.linspace(-angle / 2, angle / 2, len(radii))
     around = np.arange(sides) * 2 * np.pi / sides
     rings = []
-    for radius, turn in zip(radii, turns, strict=True):
+    for radius, angle_at in zip(radii, angles, strict=True):
         reach = bend + radius * np.cos(around)
-        rings.append(np.column_stack([reach * np.sin(turn), radius * np.sin(around), -reach * np.cos(turn)]))
+        rings.append(np.column_stack([reach * np.sin(angle_at), radius * np.sin(around), -reach * np.cos(angle_at)]))
     lowest = min(ring[:, 2].min() for ring in rings)
     parts = [np.concatenate(pair) - [0.0, 0.0, lowest] for pair in pairwise(rings)]
     skins = [_hull_surface(part, sides, i == 0, i == len(parts) - 1) for i, part in enumerate(parts)]

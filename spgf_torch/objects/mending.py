@@ -28,16 +28,16 @@ def mended(mesh: trimesh.Trimesh, max_hole: float) -> tuple[trimesh.Trimesh, lis
         words.append(f"{holes} holes of up to {max_hole * 1e3:g} mm closed")
     if not _is_closed(closed):
         return closed, words
-    turned = 0
+    flipped = 0
     if not closed.is_winding_consistent and closed.body_count == 1:
         before, closed = closed.faces.copy(), closed.copy()
         trimesh.repair.fix_winding(closed)
-        turned = int((_orientation(before) != _orientation(closed.faces)).sum())
+        flipped = int((_orientation(before) != _orientation(closed.faces)).sum())
     if closed.is_winding_consistent and signed_volume(closed) < 0.0:
         closed = trimesh.Trimesh(closed.vertices, closed.faces[:, ::-1], process=False)
-        turned = len(closed.faces) - turned
-    if turned:
-        words.append(f"{turned} of {len(closed.faces)} faces turned outwards")
+        flipped = len(closed.faces) - flipped
+    if flipped:
+        words.append(f"{flipped} of {len(closed.faces)} faces turned outwards")
     return closed, words
 
 

@@ -49,7 +49,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Scan:
-    """A scanned object and how well its collision pieces stand for its mesh."""
+    """A scanned object and how well its collision pieces approximate its mesh."""
 
     object: GraspObject
     check: PieceCheck
@@ -84,7 +84,7 @@ def scan_of(body: Body, collision: CollisionConfig, cache: Cache = NOTHING_KEPT)
     Without a mass an object weighs its mesh's volume times `collision.wall_density` (containers, whose mesh is their
     wall) or `collision.density` (the others, closed outer surfaces).
 
-    Raises InputError, which names the file, where no pieces stand for the mesh well enough.
+    Raises InputError, which names the file, where no pieces approximate the mesh well enough.
     """
     source, mesh = body.source, body.mesh
     pieces, check = kept_pieces(mesh, collision, str(source.file), cache)

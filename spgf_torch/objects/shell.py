@@ -29,7 +29,7 @@ MIN_TRIANGLE_HEIGHT = 1e-6
 MIN_EXTRUSION = 2e-4
 # m; rays start this far off the face they leave, above single-precision noise at 1 m.
 RAY_START = 1e-5
-# Surface points that stand for the surface where a distance to it is needed: 1.2 mm apart on a 16 cm bowl.
+# Surface points that represent the surface where a distance to it is needed: 1.2 mm apart on a 16 cm bowl.
 SURFACE_POINTS = 50_000
 # Faces; a patch from this size on is first tried with a tenth of them.
 LARGE_PATCH = 1000
@@ -37,7 +37,7 @@ LARGE_PATCH = 1000
 
 @dataclass(frozen=True)
 class PieceCheck:
-    """How well convex pieces stand for a mesh.
+    """How well convex pieces approximate a mesh.
 
     Attributes:
         faces: of the mesh.

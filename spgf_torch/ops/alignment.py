@@ -26,7 +26,7 @@ TIE = 1e-4
 
 
 def highest_curvature(rings: Tensor) -> Tensor:
-    """The start cell (N,) int64 of rings (N, 2, cells, 2) as `grid` makes them."""
+    """The start cell (N,) int64 of rings (N, 2, cells, 2) as `ring_grid` makes them."""
     cells = rings.shape[2]
     start = torch.empty(len(rings), dtype=torch.int64)
     nearer = torch.exp(torch.arange(cells, dtype=torch.float64) * (-2 * math.pi / cells))

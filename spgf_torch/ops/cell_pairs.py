@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.compiled import compiled
-from spgf_torch.geometry.lattice import Lattice
+from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.ops.library import operator, unknown_size
 from spgf_torch.ops.relative_cells import Features, Grasps, Grid, cells_from, pair_cells, scratch_for
 from spgf_torch.threads import in_parts
@@ -25,17 +25,17 @@ Columns = tuple[Tensor, Tensor, Tensor]
 def cell_pairs(T_object_feature: Tensor, T_object_grasp: Tensor, lattice: list[float]) -> Columns:
     """Feature, grasp and cell (P,) int32 of the pairs within reach, by feature, then grasp. In float64.
 
-    T_object_feature (F, 4, 4), T_object_grasp (G, 4, 4), m; lattice: reach, voxel and rotation_deg of a `Lattice`.
+    T_object_feature (F, 4, 4), T_object_grasp (G, 4, 4), m; lattice: reach, voxel and rotation_deg of a `SE3Grid`.
     """
     none = T_object_feature.new_empty(0, dtype=torch.int32)
-    columns = zip((none, none, none), *pair_cells(T_object_feature, T_object_grasp, Lattice(*lattice)), strict=True)
+    columns = zip((none, none, none), *pair_cells(T_object_feature, T_object_grasp, SE3Grid(*lattice)), strict=True)
     feature, grasp, cell = (torch.cat([part.int() for part in column]) for column in columns)
     return feature, grasp, cell
 
 
 @cell_pairs.on_cpu
 def _in_loops(T_object_feature: Tensor, T_object_grasp: Tensor, lattice: list[float]) -> Columns:
-    features, grasps, grid = Features.of(T_object_feature), Grasps.of(T_object_grasp), Grid.of(Lattice(*lattice))
+    features, grasps, grid = Features.of(T_object_feature), Grasps.of(T_object_grasp), Grid.of(SE3Grid(*lattice))
     parts = [slice(i, i + FEATURES_TOGETHER) for i in range(0, len(features.T), FEATURES_TOGETHER)]
     counts = np.zeros(len(features.T), np.int64)
     list(in_parts(lambda part: _count(features.at(part), grasps, grid, counts[part]), parts))

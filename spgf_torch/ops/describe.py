@@ -18,7 +18,6 @@ from spgf_torch.ops.alignment import (
     start_at,
     start_at_in_torch,
 )
-from spgf_torch.ops.grid import Ring, rings, rings_in_torch
 from spgf_torch.ops.library import operator
 from spgf_torch.ops.neighbours import Neighbourhoods, NeighbourhoodsInTorch
 from spgf_torch.ops.relations import (
@@ -31,6 +30,7 @@ from spgf_torch.ops.relations import (
     relations_in_torch,
     turned,
 )
+from spgf_torch.ops.ring_grid import Ring, rings, rings_in_torch
 from spgf_torch.threads import in_parts, one_thread
 
 # The soft alignment looks for its direction on rings this many times finer (2 deg with 36 cells).
@@ -54,7 +54,7 @@ def describe(
     Args:
         positions, normals: (N, 3) m and unit, float32 or float64.
         start: (N,) int64, the cell of the rings that becomes cell 0; None: that of the highest curvature.
-        gaps: how a gap is encoded, a key of `grid.GAPS`.
+        gaps: how a gap is encoded, a key of `moving_average.GAPS`.
         soft: the direction of the highest curvature is found on finer, softly filled rings; without `start`.
 
     Raises InputError for coordinates that are not finite, normals that are not unit vectors, and a start that is no

@@ -1,8 +1,7 @@
-"""The steps that k-means takes on all points: which centre is nearest, and what belongs to each centre.
+"""The steps that k-means takes on all points: the sums of what belongs to each centre.
 
-`points` (N, D) and `centres` (K, D) are of one floating type. Distances are |x|^2 - 2 x.c + |c|^2, off by about
-1e-6 (|x|^2 + |c|^2), and go in chunks of points. Sums over points are float64: steps that add and take away do not
-drift.
+`points` (N, D) and `centres` (K, D) are of one floating type; distances are those of `assignment`. Sums over points are
+float64: steps that add and take away do not drift.
 """
 
 from __future__ import annotations
@@ -13,25 +12,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from spgf_torch.compiled import compiled
+from spgf_torch.ops.assignment import chunks, relative_distances
 from spgf_torch.ops.library import operator
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 Ids = NDArray[np.int64]
-
-# Distances in memory at once; 4 MB of float32.
-CHUNK = 1 << 20
-
-
-@operator("assign(Tensor points, Tensor centres) -> Tensor")
-def assign(points: Tensor, centres: Tensor) -> Tensor:
-    """(N,) int64: the nearest centre of each point, of equals the first."""
-    return torch.cat([relative_distances(part, centres).argmin(1) for part in chunks(points, len(centres))])
-
-
-@assign.fake
-def _assign_shapes(points: Tensor, centres: Tensor) -> Tensor:
-    return points.new_empty(points.shape[0], dtype=torch.int64)
 
 
 @operator("lloyd_step(Tensor points, Tensor centres) -> (Tensor sums, Tensor counts)")
@@ -84,17 +70,6 @@ def _member_sums_shapes(points: Tensor, ids: Tensor, clusters: int) -> tuple[Ten
 def no_members(centres: Tensor) -> tuple[Tensor, Tensor]:
     """Sums (K, D) f64 and counts (K,) int64 of no points."""
     return torch.zeros_like(centres, dtype=torch.float64), centres.new_zeros(centres.shape[0], dtype=torch.int64)
-
-
-def relative_distances(points: Tensor, centres: Tensor) -> Tensor:
-    """(N, K) squared distances less |x|^2, which does not change which centre is nearest."""
-    return torch.addmm(centres.square().sum(1), points, centres.T, alpha=-2)
-
-
-def chunks(rows: Tensor, num_clusters: int) -> tuple[Tensor, ...]:
-    """The rows in parts (one empty part of no rows) whose distances to the centres fit in `CHUNK`."""
-    parts: tuple[Tensor, ...] = rows.split(max(1, CHUNK // num_clusters))
-    return parts
 
 
 def flat(points: Tensor) -> tuple[Floats, int]:

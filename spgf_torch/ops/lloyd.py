@@ -14,7 +14,8 @@ import torch
 from torch import Tensor
 
 from spgf_torch.compiled import compiled
-from spgf_torch.ops.kmeans import Doubles, Floats, Ids, add_nearest, chunks, flat, lloyd_step, relative_distances
+from spgf_torch.ops.assignment import chunks, relative_distances
+from spgf_torch.ops.kmeans import Doubles, Floats, Ids, add_nearest, flat, lloyd_step
 from spgf_torch.ops.library import operator
 from spgf_torch.threads import in_parts, one_thread
 

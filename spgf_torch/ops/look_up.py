@@ -1,8 +1,9 @@
-"""Where in a condensed shape-grasp space a cell is: slice and cell -> point.
+"""Where in a condensed shape-grasp space a cell is: partition and cell -> point.
 
-Points are ordered by slice, then cell. A cell is rotation, x, y and z of a lattice; the points of one slice, rotation
-and x are a row, whose beginning a table tells. Within a row a binary search finds the cell: few points, and next to
-each other in memory. All queries take each step of their searches together: no load from memory waits for another's.
+Points are ordered by partition, then cell. A cell is rotation, x, y and z of a grid; the points of one partition,
+rotation and x are a row, whose beginning a table tells. Within a row a binary search finds the cell: few points, and
+next to each other in memory. All queries take each step of their searches together: no load from memory waits for
+another's.
 """
 
 from __future__ import annotations
@@ -33,14 +34,14 @@ class Table(NamedTuple):
     cell: Tensor
 
 
-@operator("look_up(Tensor[] table, int rows, int row_size, Tensor slice, Tensor cell) -> Tensor")
-def look_up(table: Table, rows: int, row_size: int, slice: Tensor, cell: Tensor) -> Tensor:
-    """(Q,) int64: the point of each slice (Q,) int32 and cell (Q,) int32; NO_POINT where there is none.
+@operator("look_up(Tensor[] table, int rows, int row_size, Tensor partition, Tensor cell) -> Tensor")
+def look_up(table: Table, rows: int, row_size: int, partition: Tensor, cell: Tensor) -> Tensor:
+    """(Q,) int64: the point of each partition (Q,) int32 and cell (Q,) int32; NO_POINT where there is none.
 
-    rows: of a slice; row_size: cells of a row.
+    rows: of a partition; row_size: cells of a row.
     """
     start, points = Table(*table)
-    row = slice.long() * rows + cell // row_size
+    row = partition.long() * rows + cell // row_size
     low = start.index_select(0, row).long()
     left = start.index_select(0, row + 1) - low
     if len(points) == 0:
@@ -56,20 +57,20 @@ def look_up(table: Table, rows: int, row_size: int, slice: Tensor, cell: Tensor)
 
 
 @look_up.on_cpu
-def _in_loops(table: Table, rows: int, row_size: int, slice: Tensor, cell: Tensor) -> Tensor:
+def _in_loops(table: Table, rows: int, row_size: int, partition: Tensor, cell: Tensor) -> Tensor:
     start, points = (memory(column) for column in table)
-    slices, cells, found = memory(slice), memory(cell), np.empty(len(cell), np.int64)
+    partitions, cells, found = memory(partition), memory(cell), np.empty(len(cell), np.int64)
 
     def work(first: int) -> None:
         end = first + PART
-        _find(start, points, rows, row_size, slices[first:end], cells[first:end], found[first:end])
+        _find(start, points, rows, row_size, partitions[first:end], cells[first:end], found[first:end])
 
     list(in_parts(work, range(0, len(found), PART)))
     return torch.from_numpy(found)
 
 
 @look_up.fake
-def _shapes(table: Table, rows: int, row_size: int, slice: Tensor, cell: Tensor) -> Tensor:
+def _shapes(table: Table, rows: int, row_size: int, partition: Tensor, cell: Tensor) -> Tensor:
     return cell.new_empty(cell.shape, dtype=torch.int64)
 
 
@@ -79,17 +80,17 @@ def _find(
     points: np.ndarray,
     rows: int,
     row_size: int,
-    slice_: np.ndarray,
+    partition: np.ndarray,
     cell: np.ndarray,
     point: np.ndarray,
 ) -> None:
-    """Out: point (Q,) int64 of each slice and cell (Q,)."""
+    """Out: point (Q,) int64 of each partition and cell (Q,)."""
     rows_of, left = np.empty(QUERIES_TOGETHER, np.int64), np.empty(QUERIES_TOGETHER, np.int64)
     for first in range(0, len(cell), QUERIES_TOGETHER):
         part = slice(first, min(first + QUERIES_TOGETHER, len(cell)))
         row = rows_of[: part.stop - first]
         for k in range(len(row)):
-            row[k] = slice_[first + k] * rows + cell[first + k] // row_size
+            row[k] = partition[first + k] * rows + cell[first + k] // row_size
         search(start, points, row, cell[part], left[: len(row)], point[part])
 
 

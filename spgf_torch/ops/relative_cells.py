@@ -16,7 +16,7 @@ from torch import Tensor
 
 from spgf_torch.compiled import compiled
 from spgf_torch.geometry import se3
-from spgf_torch.geometry.lattice import Lattice
+from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.ops.library import memory
 
 # Features x grasps that torch looks at together: bounds the memory.
@@ -31,7 +31,7 @@ class PairCells(NamedTuple):
     cell: Tensor
 
 
-def pair_cells(T_object_feature: Tensor, T_object_grasp: Tensor, lattice: Lattice) -> Iterator[PairCells]:
+def pair_cells(T_object_feature: Tensor, T_object_grasp: Tensor, lattice: SE3Grid) -> Iterator[PairCells]:
     """The pairs of features (F, 4, 4) and grasps (G, 4, 4) by torch's operations, some features after the other."""
     T, grasps = T_object_feature.double(), T_object_grasp.double()
     quaternion, grasp_quaternion = se3.quaternion_of(T), se3.quaternion_of(grasps)
@@ -88,7 +88,7 @@ class Grasps(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """A lattice for compiled loops: reach and voxel in m, side and edges as `Lattice` has them."""
+    """A lattice for compiled loops: reach and voxel in m, side and edges as `SE3Grid` has them."""
 
     reach: float
     voxel: float
@@ -96,7 +96,7 @@ class Grid(NamedTuple):
     edges: np.ndarray
 
     @staticmethod
-    def of(lattice: Lattice) -> Grid:
+    def of(lattice: SE3Grid) -> Grid:
         return Grid(lattice.reach, lattice.voxel, lattice.side, lattice.edges.numpy())
 
 
@@ -111,7 +111,7 @@ def scratch_for(size: int) -> Scratch:
 
 @compiled
 def cells_from(features: Features, i: int, grasps: Grasps, grid: Grid, scratch: Scratch, cell: np.ndarray) -> None:
-    """Out: cell (G,) int32, `Lattice.index` of inverse(features[i]) @ each grasp; -1 beyond reach.
+    """Out: cell (G,) int32, `SE3Grid.index` of inverse(features[i]) @ each grasp; -1 beyond reach.
 
     scratch: (G,) f64 each.
     """
@@ -127,7 +127,7 @@ def cells_from(features: Features, i: int, grasps: Grasps, grid: Grid, scratch: 
 
 @compiled
 def _place(T: np.ndarray, i: int, position: np.ndarray, grid: Grid, place: np.ndarray) -> None:
-    """Out: place (G,) f64, `Lattice.voxel_index` of each position (3, G) in the frame of T[i]; -1 beyond reach."""
+    """Out: place (G,) f64, `SE3Grid.voxel_index` of each position (3, G) in the frame of T[i]; -1 beyond reach."""
     r00, r01, r02, r10, r11, r12 = T[i, 0, 0], T[i, 0, 1], T[i, 0, 2], T[i, 1, 0], T[i, 1, 1], T[i, 1, 2]
     r20, r21, r22, tx, ty, tz = T[i, 2, 0], T[i, 2, 1], T[i, 2, 2], T[i, 0, 3], T[i, 1, 3], T[i, 2, 3]
     scale, half, last, reach, side = 1.0 / grid.voxel, grid.side / 2.0, grid.side - 2.0, grid.reach, grid.side

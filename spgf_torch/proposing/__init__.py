@@ -1,7 +1,7 @@
 """New grasp poses without a mesh: feature pose x learned particle (beyond the paper, which ranks sampled candidates).
 
-`shortlist` keeps each prototype's promising particles; `spreading` picks features and merges poses by distance;
-`clearance` asks what the open hand would touch; `propose` goes from texlets to ranked grasps.
+`grasp_seeds` keeps each prototype's promising particles; `sampling` picks features and merges poses by distance;
+`clearance` tests what the open hand would touch; `propose` goes from texlets to ranked grasps.
 
 The other way, with a judge: `hand_geometry` is what the hand's shapes say of where it closes, `hypotheses` pushes it
 onto what is seen, `judge_features` describes each, `judge` (`trees`) says how likely it holds, `judged` ranks.

@@ -1,4 +1,4 @@
-"""A baseline without learning: the hypotheses that a judge gets, ranked by how well the pads face what they meet.
+"""A baseline without learning: the hypotheses that a judge gets, ranked by how well the pads face the surface.
 
 Score: the mean over both sides of how far inside the friction cone the normals at the pads lie (`judge_features`),
 drawn to 0 where few points are seen between the pads. One side alone, as with one view, gives at most half.

@@ -33,7 +33,7 @@ class Borders:
 
     Attributes:
         points: (B, 3) f32, m, of those.
-        beyond: (B, 3) f32, unit vectors along the surface over the border; 0: nobody has looked beyond.
+        beyond: (B, 3) f32, unit vectors along the surface over the border; 0: unseen beyond.
         others: (M, 3) f32, m, of the rest.
     """
 
@@ -49,7 +49,7 @@ class Borders:
         return Borders(positions[on].float(), beyond[on].float(), positions[~on].float())
 
     def nearest(self, points: Tensor) -> Tensor:
-        """(G,) bool: the texlet nearest to a point (G, 3) is one beyond which nobody has looked."""
+        """(G,) bool: the texlet nearest to a point (G, 3) is one beyond which nothing was seen."""
         unknown = (self.beyond == 0).all(1)
         place = torch.cat([self.points[unknown], self.points[~unknown], self.others]).cpu().numpy()
         nearest = cKDTree(place).query(points.detach().cpu().numpy())[1]

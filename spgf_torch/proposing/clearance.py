@@ -108,17 +108,17 @@ class Clearance:
     @cached_property
     def swollen(self) -> dict[str, HandVolume]:
         """Grasp type -> the open hand, each piece larger by the clearance from obstacles on every side."""
-        return {kind: _swollen(volume, self.obstacle_clearance) for kind, volume in self.volumes.items()}
+        return {grasp_type: _swollen(volume, self.obstacle_clearance) for grasp_type, volume in self.volumes.items()}
 
     @cached_property
     def corners(self) -> dict[str, Tensor]:
         """Grasp type -> corners (C, 3) f32 of the open hand's convex hull, in the TCP frame."""
-        return {kind: hull_corners(volume) for kind, volume in self.volumes.items()}
+        return {grasp_type: hull_corners(volume) for grasp_type, volume in self.volumes.items()}
 
     @cached_property
     def gaps(self) -> dict[str, HandVolume]:
         """Grasp type -> the space between the pads, as a box in the TCP frame."""
-        return {kind: _box(half_opening(volume), self.between) for kind, volume in self.volumes.items()}
+        return {grasp_type: _box(half_opening(volume), self.between) for grasp_type, volume in self.volumes.items()}
 
     def closes_on_points(self, points: Tensor, T_object_tcp: Tensor, grasp_type: Tensor) -> Tensor:
         """(G,) bool: a point (N, 3) lies between the pads at the grasps (G, 4, 4) of types (G,).
@@ -128,9 +128,9 @@ class Clearance:
         closes = torch.ones(len(grasp_type), dtype=torch.bool, device=grasp_type.device)
         if not len(points):
             return closes
-        for code, kind in enumerate(GRASP_TYPES):
+        for code, name in enumerate(GRASP_TYPES):
             of_type = grasp_type == code
-            closes[of_type] = sensed_collision(points.float(), T_object_tcp[of_type].float(), self.gaps[kind])
+            closes[of_type] = sensed_collision(points.float(), T_object_tcp[of_type].float(), self.gaps[name])
         return closes
 
     def free_of_points(self, points: Tensor, T_object_tcp: Tensor, grasp_type: Tensor) -> Tensor:
@@ -147,9 +147,9 @@ class Clearance:
         free = torch.ones(len(grasp_type), dtype=torch.bool, device=grasp_type.device)
         if not len(points):
             return free
-        for code, kind in enumerate(GRASP_TYPES):
+        for code, name in enumerate(GRASP_TYPES):
             of_type = grasp_type == code
-            free[of_type] = ~sensed_collision(points.float(), T_object_tcp[of_type].float(), volumes[kind])
+            free[of_type] = ~sensed_collision(points.float(), T_object_tcp[of_type].float(), volumes[name])
         return free
 
     def free_of_plane(self, plane: Plane, T_object_tcp: Tensor, grasp_type: Tensor, retreat: float = 0.0) -> Tensor:
@@ -158,22 +158,22 @@ class Clearance:
         So it is on the straight way from `retreat` (m) back along the approach.
         """
         free = torch.ones(len(grasp_type), dtype=torch.bool, device=grasp_type.device)
-        for code, kind in enumerate(GRASP_TYPES):
+        for code, name in enumerate(GRASP_TYPES):
             of_type = grasp_type == code
             normal = plane.normal.to(T_object_tcp)
-            corners = self.corners[kind].to(T_object_tcp)
+            corners = self.corners[name].to(T_object_tcp)
             lowest = (normal @ se3.rotation_of(T_object_tcp[of_type]) @ corners.T).amin(1)  # below the TCP, m
             rise = (T_object_tcp[of_type, :3, 2] @ normal).clamp(min=0.0)  # of the way to the grasp
             height = se3.position_of(T_object_tcp[of_type]) @ normal - plane.offset - retreat * rise
             free[of_type] = height + lowest >= self.plane_clearance
         return free
 
-    def least_height(self, plane: Plane, T_object_tcp: Tensor, kind: str, retreat: float = 0.0) -> Tensor:
+    def least_height(self, plane: Plane, T_object_tcp: Tensor, grasp_type: str, retreat: float = 0.0) -> Tensor:
         """(G,) m along the plane's normal at which a TCP is just high enough, of hands turned as T (G, 4, 4).
 
         As in `free_of_plane`, for hands that stand at many places.
         """
-        normal, corners = plane.normal.to(T_object_tcp), self.corners[kind].to(T_object_tcp)
+        normal, corners = plane.normal.to(T_object_tcp), self.corners[grasp_type].to(T_object_tcp)
         lowest = (normal @ se3.rotation_of(T_object_tcp) @ corners.T).amin(1)
         rise = (T_object_tcp[:, :3, 2] @ normal).clamp(min=0.0)
         return self.plane_clearance + plane.offset + retreat * rise - lowest

@@ -110,7 +110,7 @@ class HandGeometry:
 
 def hand_geometry(volumes: Mapping[str, HandVolume], config: HypothesesConfig) -> tuple[HandGeometry, ...]:
     """The geometry of each grasp type, in the order of `config.GRASP_TYPES`."""
-    return tuple(HandGeometry.of(volumes[kind], config) for kind in GRASP_TYPES)
+    return tuple(HandGeometry.of(volumes[grasp_type], config) for grasp_type in GRASP_TYPES)
 
 
 def closing_region(volume: HandVolume) -> ClosingRegion:

@@ -29,7 +29,7 @@ from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.hand_geometry import ClosingRegion, HandGeometry, hand_geometry
 from spgf_torch.proposing.pushing import Pieces, deepest_free, extents, pieces_of
-from spgf_torch.proposing.spreading import spread_order
+from spgf_torch.proposing.sampling import farthest_point_sampling
 from spgf_torch.sensing.texlets import Texlets
 
 # Angles between -tilt and tilt at which an approach is tried, of hands that close along a tangent and along the normal.
@@ -79,8 +79,8 @@ class Search:
     @cached_property
     def pieces(self) -> tuple[tuple[Pieces, Pieces], ...]:
         """Of each grasp type, what may not touch texlets, and what obstacles."""
-        kinds = ((self.clearance.volumes[kind], self.clearance.swollen[kind]) for kind in GRASP_TYPES)
-        return tuple((pieces_of(volume), pieces_of(swollen)) for volume, swollen in kinds)
+        both = ((self.clearance.volumes[grasp_type], self.clearance.swollen[grasp_type]) for grasp_type in GRASP_TYPES)
+        return tuple((pieces_of(volume), pieces_of(swollen)) for volume, swollen in both)
 
     def hypotheses(self, texlets: Texlets, around: Surroundings) -> Hypotheses:
         """Free poses about the texlets, at most `config.hypotheses`; from below only where there are no others."""
@@ -135,13 +135,13 @@ class Search:
 
     def _of_type(self, code: int, T: Tensor, at: Tensor, positions: Tensor, around: Surroundings) -> Tensor:
         """Poses (H, 4, 4) of one grasp type, sorted by frame, depth and place; the positions lie at (F, 3, N) in T."""
-        hand, kind = self.hands[code], GRASP_TYPES[code]
+        hand, grasp_type = self.hands[code], GRASP_TYPES[code]
         depths = torch.arange(self.config.deepest, self.config.shallowest - 1e-6, -self.config.depth_step)
         shift, possible = places(*profile(at, depths, hand.region), hand, self.config)  # (F, D, places)
         along = depths[:, None, None] * T[:, None, None, :3, 2]
         where = T[:, None, None, :3, 3] + (along + shift.unsqueeze(3) * T[:, None, None, :3, 0])
         if around.table is not None:
-            least = self.clearance.least_height(around.table, T, kind, around.retreat)
+            least = self.clearance.least_height(around.table, T, grasp_type, around.retreat)
             possible &= where @ around.table.normal >= least[:, None, None]
         kept = torch.zeros_like(possible)
         sensed, others = (part.float().T.contiguous().numpy() for part in (positions, around.obstacles))
@@ -156,7 +156,7 @@ def frames(positions: Tensor, normals: Tensor, config: HypothesesConfig) -> Tens
     """T (F, 4, 4) f32 at the seeds: x along closing, z along the approach; none where the normals give no frame."""
     seeds = se3.pose(positions.double(), torch.tensor([1.0, 0, 0, 0]).double().expand(len(positions), 4)).clone()
     seeds[:, :3, 2] = normals
-    at = spread_order(seeds, config.seeds, config.normal_weight)
+    at = farthest_point_sampling(seeds, config.seeds, config.normal_weight)
     near = (
         torch.cdist(positions[at], positions, compute_mode="donot_use_mm_for_euclid_dist") < config.normal_radius
     ).double()

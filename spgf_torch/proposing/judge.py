@@ -44,7 +44,7 @@ VIEWS = ("one", "more")
 # Of a map: slope > 0 against log p, slope > 0 against -log(1 - p), and shift of the log-odds (beta calibration, Kull,
 # Silva Filho and Flach 2017).
 Curve = tuple[float, float, float]
-# Probabilities nearer 0 or 1 than this are not told apart by a map.
+# Probabilities nearer 0 or 1 than this are not distinguished by a map.
 _EDGE = 1e-9
 _SETTINGS: dict[str, type] = {"hand": HandConfig, "hypotheses": HypothesesConfig}
 
@@ -91,7 +91,7 @@ class Judge:
         return typed(HypothesesConfig, self.settings["hypotheses"])
 
     def check_hand(self, hand: Any, whose: str) -> None:
-        """InputError where another hand (its plain settings) is asked about."""
+        """Raise InputError unless `hand` (plain settings) is the judge's."""
         if self.settings["hand"] != hand:
             got, name = (values.get("name") for values in (self.settings["hand"], hand or {}))
             other = " of other settings" if got == name else ""
@@ -151,7 +151,9 @@ def load_judge(folder: Path) -> Judge:
                 form: Form = kind(**{part.name: tensors[f"{name}.{part.name}"] for part in fields(kind)})
                 form.check(len(numbers))
             except (KeyError, InputError, RuntimeError, IndexError) as error:
-                raise InputError(f"{path}: {name}: expected the arrays of a judge, got others ({error})") from None
+                raise InputError(
+                    f"{path}: {name}: expected the arrays of a judge, got ones that do not fit ({error})"
+                ) from None
             factors[known, factor] = form
     settings, sure, taught, results = (document[key] for key in ("settings", "sure", "taught", "results"))
     curves = {name: (curve[0], curve[1], curve[2]) for name, curve in document["calibration"].items()}
@@ -163,7 +165,9 @@ def _tensors(path: Path, digest: str) -> dict[str, Tensor]:
         raise InputError(f"{path}: expected the arrays of a judge of at most {LARGEST} bytes, got {size}")
     check_seal(path, "the arrays of a judge")
     if digest != digest_of(path):
-        raise InputError(f"{path}: expected the arrays that {ABOUT} beside it was written with, got others")
+        raise InputError(
+            f"{path}: expected the arrays that {ABOUT} beside it was written with, got arrays of another digest"
+        )
     try:
         return load(path.read_bytes())
     except (SafetensorError, OSError, ValueError, KeyError) as error:

@@ -77,8 +77,8 @@ def judge_features(seen: Seen, hypotheses: Hypotheses, search: Search) -> Tensor
             at = local(T, positions)
             numbers[part, 0] = code
             numbers[part, 1] = margin(at, hand, hand.config.margin)
-            turned = (T[:, :3, 0] @ normals.T).view(len(T), len(normals))
-            numbers[part, 2 : 3 + len(PADS)] = between_pads(at, turned, hand)
+            cosine = (T[:, :3, 0] @ normals.T).view(len(T), len(normals))
+            numbers[part, 2 : 3 + len(PADS)] = between_pads(at, cosine, hand)
             numbers[part, 3 + len(PADS) : len(GEOMETRY)] = body(at, positions, hand)
         if seen.views:
             numbers[of_type, len(GEOMETRY) :] = unseen(hypotheses.T[of_type], seen, hand)

@@ -1,6 +1,6 @@
 """From what is seen to ranked grasps by a judge: hypotheses from geometry, each weighed, the best of each place kept.
 
-The votes of local shapes (`propose`) take no part in the ranking; they are told beside it.
+The votes of local shapes (`propose`) take no part in the ranking; they are reported beside it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import Seen, in_images, judge_features
 from spgf_torch.proposing.propose import NOTHING, Pool, Proposals, Proposer, votes_by_prototype
-from spgf_torch.proposing.spreading import suppress
+from spgf_torch.proposing.sampling import non_maximum_suppression
 from spgf_torch.proposing.weighing import Numbers
 
 
@@ -43,7 +43,7 @@ class JudgedProposer:
     """A judge made ready to propose grasps.
 
     Attributes:
-        proposer: whose votes are told beside a grasp; None: none are.
+        proposer: whose votes are reported with a grasp; None: none are.
     """
 
     judge: Judge
@@ -59,7 +59,7 @@ class JudgedProposer:
 
     @staticmethod
     def alone(judge: Judge, volumes: Mapping[str, HandVolume], config: ProposingConfig) -> JudgedProposer:
-        """Without a model whose votes could be told; `volumes`: grasp type -> the open hand."""
+        """Without a model, so without votes; `volumes`: grasp type -> the open hand."""
         clearance = Clearance(volumes, config.plane_clearance, config.between, config.obstacle_clearance)
         return JudgedProposer(judge, Search.of(clearance, judge.hypotheses), config, None)
 
@@ -68,8 +68,8 @@ class JudgedProposer:
         found = ranked(self.judge, self.search, self.config, seen, around)
         if (proposer := self.proposer) is None:
             none = torch.zeros(len(found.poses), dtype=torch.int64)
-            score, nobody = found.probability, ((),) * len(none)
-            return Proposals(found.poses.T, found.poses.grasp_type, score, score, none, nobody, found.factors)
+            score, no_votes = found.probability, ((),) * len(none)
+            return Proposals(found.poses.T, found.poses.grasp_type, score, score, none, no_votes, found.factors)
         device = proposer.model.centres.device
         T, grasp_type = found.poses.T.to(device), found.poses.grasp_type.to(device)
         votes = proposer.votes(T, grasp_type, proposer.voters(proposer.described(seen.texlets)))
@@ -103,7 +103,7 @@ def best_of(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig) -> R
 def best_indices(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig) -> Tensor:
     """(G,) int64, those of `best_of`, the best first."""
     alike = torch.zeros_like(hypotheses.grasp_type)  # a wide and a narrow grasp of one place are one grasp
-    kept = suppress(hypotheses.T, alike, score, config.apart, config.apart_deg)
+    kept = non_maximum_suppression(hypotheses.T, alike, score, config.apart, config.apart_deg)
     pool = Pool(hypotheses.T[kept], hypotheses.grasp_type[kept], score[kept])
     kept = kept[of_each := pool.best_of_each_type(config.count)]
     return kept[torch.argsort(pool.score[of_each], descending=True, stable=True)]

@@ -1,13 +1,13 @@
 """From texlets and a model to ranked grasps; no mesh is needed.
 
-1. Features spread over the surface, through the promising points of their prototypes, give hypotheses.
-2. A few voters judge all hypotheses; the best of each type that are free of points, but have some to close on, are
-   merged in SE(3).
-3. All voters judge the survivors, by the votes that rank candidates elsewhere (`affordance.ranking`).
-4. The best move to better poses nearby as long as the score grows and the hand stays free.
-5. Non-maximum suppression leaves one of each grasp.
+1. Features from farthest-point sampling, with the seed grasps of their prototypes, give hypotheses.
+2. A few voters score all hypotheses; the best of each type that are free of points, but have some to close on, are
+   merged by non-maximum suppression in SE(3).
+3. All voters score the remaining ones, by the votes that rank candidates elsewhere (`affordance.ranking`).
+4. The best are refined: moved to better poses nearby while the score grows and the hand stays free.
+5. Non-maximum suppression keeps one of each grasp.
 
-Every step looks at relative poses only, so grasps move with their input; which cell of the lattice a relative pose
+Every step looks at relative poses only, so grasps move with their input; which cell of the SE(3) grid a relative pose
 falls into is the one thing that rounding can change.
 """
 
@@ -25,9 +25,9 @@ from torch import Tensor
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import GraspModel, vote
 from spgf_torch.affordance.pairs import cell_pairs
-from spgf_torch.affordance.ranking import Judged, judge, point_gains, shrunk_mean
+from spgf_torch.affordance.ranking import GraspScores, point_gains, score_grasps, shrunk_mean
 from spgf_torch.affordance.sensed_collision import HandVolume
-from spgf_torch.affordance.voting import Votes, VotingIndex, polled
+from spgf_torch.affordance.voting import Votes, VotingIndex, vote_totals
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.features.interface import LocalFeatures
@@ -36,15 +36,15 @@ from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.proposing.borders import clear_of_borders
 from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.config import ProposingConfig
+from spgf_torch.proposing.grasp_seeds import GraspSeeds, grasp_seeds
 from spgf_torch.proposing.hand_geometry import ClosingRegion, closing_region
-from spgf_torch.proposing.shortlist import Shortlist, shortlist
-from spgf_torch.proposing.spreading import spread_order, suppress
+from spgf_torch.proposing.sampling import farthest_point_sampling, non_maximum_suppression
 from spgf_torch.proposing.weighing import Numbers
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.settings import typed
 
-# The texlets are all that there is.
+# No table, no obstacles.
 NOTHING = Surroundings()
 
 
@@ -77,13 +77,15 @@ class Proposals:
 
     def best(self, n: int) -> dict[str, Tensor]:
         """The n best of each grasp type and of both together (CG): indices (<= n,) int64, best first."""
-        of_type = {kind: (self.grasp_type == code).nonzero()[:n, 0] for code, kind in enumerate(GRASP_TYPES)}
+        of_type = {
+            grasp_type: (self.grasp_type == code).nonzero()[:n, 0] for code, grasp_type in enumerate(GRASP_TYPES)
+        }
         return {**of_type, "CG": torch.arange(min(n, len(self)), device=self.grasp_type.device)}
 
 
 @dataclass(frozen=True)
 class Voters:
-    """Features that vote, spread over the surface: T_object_feature (V, 4, 4), prototype (V,) int64."""
+    """Features that vote, in farthest-point order: T_object_feature (V, 4, 4), prototype (V,) int64."""
 
     T_object_feature: Tensor
     prototype: Tensor
@@ -92,7 +94,7 @@ class Voters:
         return len(self.prototype)
 
     def first(self, n: int) -> Voters:
-        """The first n, which are spread over the surface too."""
+        """Return the first n, which cover the surface too."""
         return Voters(self.T_object_feature[:n], self.prototype[:n])
 
 
@@ -105,7 +107,7 @@ class Pool:
     score: Tensor
 
     def at(self, chosen: Tensor) -> Pool:
-        """Those at the indices `chosen` (C,) int64, in this order."""
+        """Select those at the indices `chosen` (C,) int64, in this order."""
         return Pool(self.T[chosen], self.grasp_type[chosen], self.score[chosen])
 
     def best_of_each_type(self, n: int) -> Tensor:
@@ -135,21 +137,21 @@ class Proposer:
 
     @cached_property
     def index(self) -> VotingIndex:
-        return VotingIndex(self.model.condensed, self.model.lattice)
+        return VotingIndex(self.model.condensed, self.model.grid)
 
     @cached_property
-    def shortlist(self) -> Shortlist:
-        return shortlist(self.model, self.gains, self.config)
+    def grasp_seeds(self) -> GraspSeeds:
+        return grasp_seeds(self.model, self.gains, self.config)
 
     @cached_property
     def gains(self) -> Tensor:
-        """(P,) f32: what a vote is worth that finds a point of the model."""
+        """(P,) f32: the gain in log-odds of a vote that finds a point of the model."""
         return point_gains(self.model.condensed, self.affordance)
 
     @cached_property
     def regions(self) -> tuple[ClosingRegion, ...]:
         """What the pads of each grasp type sweep."""
-        return tuple(closing_region(self.clearance.volumes[kind]) for kind in GRASP_TYPES)
+        return tuple(closing_region(self.clearance.volumes[grasp_type]) for grasp_type in GRASP_TYPES)
 
     @cached_property
     def moves(self) -> Tensor:
@@ -158,44 +160,44 @@ class Proposer:
         shape = (config.rounds, config.moves, 3)
         step = 1 / torch.arange(1.0, config.rounds + 1).view(-1, 1, 1)
         shift = config.move * step * torch.randn(shape, generator=generator)
-        turn = math.radians(config.move_deg) * step * torch.randn(shape, generator=generator)
-        quaternion = torch.cat([torch.ones(*shape[:2], 1), turn / 2], dim=-1)  # a small rotation vector's
+        rotation = math.radians(config.move_deg) * step * torch.randn(shape, generator=generator)
+        quaternion = torch.cat([torch.ones(*shape[:2], 1), rotation / 2], dim=-1)  # a small rotation vector's
         return se3.pose(shift, quaternion).to(self.model.centres.device)
 
     def propose(self, texlets: Texlets, around: Surroundings = NOTHING) -> Proposals:
-        """Grasps for what the texlets show, the best first; none where no feature votes for any.
+        """Propose grasps for texlets, the best first; none where no feature votes for any.
 
         No hand touches an obstacle or reaches below a table; none comes from below, if others can.
         """
         return self.propose_from(self.described(texlets), texlets.positions.to(self.model.centres.device), around)
 
     def described(self, texlets: Texlets) -> LocalFeatures:
-        """The features of the texlets, on the model's device."""
+        """Describe the texlets, on the model's device."""
         device = self.model.centres.device
         positions, normals = texlets.positions.to(device), texlets.normals.to(device)
         return descriptor(self.features)(positions, normals, self.features, torch.Generator().manual_seed(0))
 
     def propose_from(self, features: LocalFeatures, points: Tensor, around: Surroundings = NOTHING) -> Proposals:
-        """The same from features of the points (N, 3) that the hand must not touch."""
+        """Propose from features of the points (N, 3) that the hand must not touch."""
         voters, around = self.voters(features), around.near(points, self.clearance.reach)
-        pool = self.survivors(voters, points, around)
+        pool = self.prune(voters, points, around)
         if not len(pool.score) and around.up is not None:
             around = replace(around, up=None)
-            pool = self.survivors(voters, points, around)
+            pool = self.prune(voters, points, around)
         for moves in self.moves:
-            pool = self.refined(pool, moves, voters, points, around)
+            pool = self.refine(pool, moves, voters, points, around)
         return self.proposals(pool, voters)
 
     def voters(self, features: LocalFeatures) -> Voters:
-        """The features that vote."""
+        """Select the features that vote."""
         T, relations = features.T_object_feature[features.valid], features.relations()[features.valid]
-        order = spread_order(T, self.affordance.features_per_object, self.config.normal_weight)
+        order = farthest_point_sampling(T, self.affordance.features_per_object, self.config.normal_weight)
         return Voters(T[order], assign(relations[order], self.model.centres))
 
-    def survivors(self, voters: Voters, points: Tensor, around: Surroundings) -> Pool:
-        """The best hypotheses of each type, free and far from each other, judged by all voters."""
+    def prune(self, voters: Voters, points: Tensor, around: Surroundings) -> Pool:
+        """Reduce hypotheses to the best of each type, free and far from each other, scored by all voters."""
         config, proposing = self.config, voters.first(self.config.proposing_features)
-        T, grasp_type = self.shortlist.hypotheses(proposing.T_object_feature, proposing.prototype)
+        T, grasp_type = self.grasp_seeds.hypotheses(proposing.T_object_feature, proposing.prototype)
         possible = self.above(T, grasp_type, around).nonzero()[:, 0]
         at = T[possible], grasp_type[possible]
         if around.borders is not None:
@@ -209,7 +211,9 @@ class Proposer:
         pool = pool.at(self.clearance.free_of_points(few, pool.T, pool.grasp_type).nonzero()[:, 0])
         pool = pool.at(self.clearance.closes_on_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])
         pool = pool.at(self.clearance.free_of_obstacles(around.obstacles, pool.T, pool.grasp_type).nonzero()[:, 0])
-        pool = pool.at(suppress(pool.T, pool.grasp_type, pool.score, config.merge_distance, config.merge_deg))
+        pool = pool.at(
+            non_maximum_suppression(pool.T, pool.grasp_type, pool.score, config.merge_distance, config.merge_deg)
+        )
         pool = pool.at(pool.best_of_each_type(config.survivors))
         pool = pool.at(self.clearance.free_of_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])
         return replace(pool, score=self.score(pool.T, pool.grasp_type, voters, len(voters)))
@@ -221,8 +225,8 @@ class Proposer:
             above &= self.clearance.free_of_plane(around.table, T, grasp_type, around.retreat)
         return above
 
-    def refined(self, pool: Pool, moves: Tensor, voters: Voters, points: Tensor, around: Surroundings) -> Pool:
-        """The best of each type, moved by the best of the moves (M, 4, 4) that scores higher and leaves them free."""
+    def refine(self, pool: Pool, moves: Tensor, voters: Voters, points: Tensor, around: Surroundings) -> Pool:
+        """Move the best of each type by the best of the moves (M, 4, 4) that scores higher and leaves them free."""
         best = pool.best_of_each_type(self.config.refined)
         T = (pool.T[best].unsqueeze(1) @ moves.to(pool.T.dtype)).flatten(0, 1)
         grasp_type = pool.grasp_type[best].repeat_interleave(len(moves))
@@ -244,22 +248,22 @@ class Proposer:
         return Pool(new_T, pool.grasp_type, new_score)
 
     def proposals(self, pool: Pool, voters: Voters) -> Proposals:
-        """One of each grasp, the best `count` of each type, with what all voters say of them."""
+        """Keep one of each grasp, the best `count` of each type, with the votes of all voters."""
         config = self.config
-        pool = pool.at(suppress(pool.T, pool.grasp_type, pool.score, config.apart, config.apart_deg))
+        pool = pool.at(non_maximum_suppression(pool.T, pool.grasp_type, pool.score, config.apart, config.apart_deg))
         pool = pool.at(pool.best_of_each_type(config.count))
         pool = pool.at(torch.argsort(pool.score, descending=True, stable=True))
         votes = self.votes(pool.T, pool.grasp_type, voters)
-        judged = self.judged(votes, pool.grasp_type, self.affordance)  # the score that calibration was learned for
-        probability = self.model.calibration.probability(judged.log_odds, judged.grasp_type, judged.collides)
-        supported = (judged.votes > 0).nonzero()[:, 0]
+        scores = self.scores(votes, pool.grasp_type, self.affordance)  # what calibration was learned for
+        probability = scores.calibrated(self.model.calibration).probability
+        supported = (scores.votes > 0).nonzero()[:, 0]
         voted_by = votes_by_prototype(votes, len(pool.score))
         return Proposals(
             pool.T[supported].float(),
             pool.grasp_type[supported],
             probability[supported],
             pool.score[supported],
-            judged.votes[supported],
+            scores.votes[supported],
             tuple(voted_by[i] for i in supported.tolist()),
         )
 
@@ -268,29 +272,18 @@ class Proposer:
         first = voters.first(n)
         shrinkage = self.config.vote_shrinkage * len(first) / max(1, len(voters))
         affordance = replace(self.affordance, vote_shrinkage=shrinkage)
-        found = polled(self.index, self.gains, first.T_object_feature, first.prototype, T, grasp_type)
-        return shrunk_mean(found.worth, found.votes, affordance)
+        found = vote_totals(self.index, self.gains, first.T_object_feature, first.prototype, T, grasp_type)
+        return shrunk_mean(found.log_odds_gain, found.votes, affordance)
 
     def votes(self, T: Tensor, grasp_type: Tensor, voters: Voters) -> Votes:
         """What the voters say of poses (G, 4, 4)."""
         pairs = cell_pairs(voters.T_object_feature, T, grasp_type, self.affordance)
         return vote(self.index, pairs, voters.prototype)
 
-    def judged(self, votes: Votes, grasp_type: Tensor, affordance: AffordanceConfig) -> Judged:
+    def scores(self, votes: Votes, grasp_type: Tensor, affordance: AffordanceConfig) -> GraspScores:
         """The votes on free grasps of types (G,), combined."""
         free = torch.zeros_like(grasp_type, dtype=torch.bool)
-        return judge(votes, self.model.condensed.base_rate, grasp_type, free, affordance)
-
-
-def propose(
-    model: GraspModel,
-    texlets: Texlets,
-    config: ProposingConfig,
-    volumes: Mapping[str, HandVolume],
-    around: Surroundings = NOTHING,
-) -> Proposals:
-    """Grasps for what the texlets show (`Proposer.propose`). To propose again and again, keep a `Proposer`."""
-    return Proposer.of(model, config, volumes).propose(texlets, around)
+        return score_grasps(votes, self.model.condensed.base_rate, grasp_type, free, affordance)
 
 
 def votes_by_prototype(votes: Votes, grasps: int) -> list[tuple[tuple[int, int], ...]]:

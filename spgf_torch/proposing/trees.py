@@ -1,4 +1,4 @@
-"""Gradient-boosted trees and logistic regressions as plain arrays: asked without the library that learned them."""
+"""Gradient-boosted trees and logistic regressions as plain arrays: evaluated without the library that learned them."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Trees:
         known = bool((self.feature < width).all() and (self.root >= 0).all() and (self.root < count).all())
         finite = all(bool(part.isfinite().all()) for part in (self.threshold, self.value, self.baseline))
         if shapes != {count} or self.baseline.shape != (1,) or not (ends and known and finite):
-            raise InputError("expected trees of nodes that follow one another, got others")
+            raise InputError(f"expected trees of nodes in order, got {count} nodes with one out of order or range")
 
 
 @compiled
@@ -104,7 +104,9 @@ class Logistic:
         shapes = [tuple(part.shape) for part in parts]
         finite = all(bool(part.isfinite().all()) for part in parts) and bool((self.scale > 0).all())
         if shapes != [(width,), (width,), (2 * width,), (1,)] or not finite:
-            raise InputError(f"expected weights of {width} numbers and their squares, got others")
+            raise InputError(
+                f"expected weights of {width} numbers and their squares, got shapes {shapes}, finite: {finite}"
+            )
 
 
 Form = Trees | Logistic

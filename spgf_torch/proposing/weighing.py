@@ -1,4 +1,4 @@
-"""Which numbers moved a judge most: it is asked again with each replaced by what is usual among the hypotheses."""
+"""Which numbers moved a judge most: it is evaluated again with each replaced by its median among the hypotheses."""
 
 from __future__ import annotations
 

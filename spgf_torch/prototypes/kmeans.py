@@ -1,4 +1,4 @@
-"""k-means: pure functions of torch tensors, on any device (`spgf_torch.ops.kmeans`).
+"""k-means: pure functions of torch tensors, on any device (`spgf_torch.ops`: `assignment`, `kmeans`, `lloyd`).
 
 `points` (N, D) and `centres` (K, D) are of one floating type.
 """
@@ -8,7 +8,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from spgf_torch.ops.kmeans import assign, lloyd_step
+from spgf_torch.ops.assignment import assign
+from spgf_torch.ops.kmeans import lloyd_step
 from spgf_torch.ops.kmeans_start import plusplus
 from spgf_torch.ops.lloyd import lloyd, nearest_of
 

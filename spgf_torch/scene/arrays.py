@@ -40,9 +40,9 @@ def cloud_of_arrays(
     if array.ndim not in (2, 3) or array.shape[-1] != 3:
         hint = "; transpose it" if array.ndim == 2 and array.shape[0] == 3 else ""
         raise InputError(f"{name}: expected shape (N, 3) or (H, W, 3), got {array.shape}{hint}")
-    turned = None if normals is None else _floats(f"{name}: normals", normals)
-    if turned is not None and turned.shape != array.shape:
-        raise InputError(f"{name}: expected points and normals of one shape, got {array.shape} and {turned.shape}")
+    vectors = None if normals is None else _floats(f"{name}: normals", normals)
+    if vectors is not None and vectors.shape != array.shape:
+        raise InputError(f"{name}: expected points and normals of one shape, got {array.shape} and {vectors.shape}")
     eyes = None if viewpoints is None else np.atleast_2d(_floats(f"{name}: viewpoints", viewpoints))
     targets = None
     if labels is not None:
@@ -50,7 +50,7 @@ def cloud_of_arrays(
         targets = numbered(what, fitting(what, label_array(what, np.asarray(labels)), array.shape[:-1], "the cloud"))
     cloud = Cloud(
         array.reshape(-1, 3),
-        None if turned is None else turned.reshape(-1, 3),
+        None if vectors is None else vectors.reshape(-1, 3),
         eyes,
         name,
         None if targets is None else targets.ravel(),

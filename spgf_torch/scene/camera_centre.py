@@ -1,4 +1,4 @@
-"""A camera's centre, told by its pixels: where their rays meet, or from where its points are a grid."""
+"""A camera's centre, found from its pixels: where their rays meet, or from where its points are a grid."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ AS_ORIGIN = "taken for the origin, as in a camera's frame, which its points agre
 
 @dataclass(frozen=True)
 class Side:
-    """Where a cloud was seen from: eye (3,), m, or, if guessed, a place far out on that side; words for people."""
+    """Where a cloud was seen from: eye (3,), m, or, if guessed, a place far out on that side; a description."""
 
     eye: np.ndarray
     words: str

@@ -71,7 +71,7 @@ def check_count(path: Path, count: int, limit: int) -> None:
 
 
 def checked(cloud: Cloud) -> Cloud:
-    """The cloud's usable points as float64, with normals of length 1; what is left out is told in its notes.
+    """The cloud's usable points as float64, with normals of length 1; what is left out is in its notes.
 
     NaN, infinity and (0, 0, 0) are what sensors and their drivers write where nothing was measured: such points are
     left out. So are points without a usable normal (NaN, infinite, of length 0) where most have one; where most have

@@ -43,7 +43,7 @@ class Layout:
 
 
 def named_layout(name: str, given: Sequence[str]) -> Layout:
-    """The columns by their names, as CloudCompare, ParaView, PCL, pandas and people write them.
+    """The columns by their names, as CloudCompare, ParaView, PCL, pandas and users write them.
 
     Raises:
         InputError: no x, y and z, two of one name, a unit that is not known.
@@ -73,7 +73,7 @@ def layout_by_values(name: str, table: np.ndarray, intensity: bool = False) -> L
         intensity: a fourth column may be anything, as in .pts files.
 
     Raises:
-        InputError: it cannot be told safely.
+        InputError: it is ambiguous.
     """
     count = table.shape[1]
     table = table[np.isfinite(table[:, :3]).all(axis=1) & (table[:, :3] != 0).any(axis=1)]

@@ -12,7 +12,7 @@ from spgf_torch.settings import bounded, choice, defaults_from, text
 @dataclass
 @defaults_from("scene/tabletop.yaml")
 class SceneConfig:
-    """People's own data: the input files and how they become texlets (lengths here in metres, whatever `unit` says)."""
+    """User-provided input: files and how they become texlets (lengths in metres, whatever `unit` says)."""
 
     input: Any = text()
     unit: str = choice("m", "cm", "mm")
@@ -47,7 +47,7 @@ class SceneConfig:
 
 @dataclass
 class PredictConfig(SceneConfig):
-    """`python -m spgf_torch.predict`: ranked grasps for people's own data; its input settings are those of a scene."""
+    """`python -m spgf_torch.predict`: ranked grasps for user-provided input, with the settings of a scene."""
 
     model: str = text()
     judge: str | None = text()

@@ -17,7 +17,7 @@ from spgf_torch.scene.intrinsics import Intrinsics, checked_K, depth_scale_of
 
 IMAGES = (".png", ".tif", ".tiff", ".pgm", ".pfm")
 _SUFFIXES = (*IMAGES, ".npy", ".npz")
-# First bytes of a file -> pillow's name of the format; PGM are read here, as pillow changes counts by their maximum.
+# First bytes of a file -> pillow's name of the format; PGM is read below, as pillow changes counts by their maximum.
 _FORMATS = {b"\x89PNG": "PNG", b"II*\0": "TIFF", b"MM\0*": "TIFF", b"Pf": "PPM"}
 _PGM = re.compile(rb"(P[25])(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,5})\s")
 _LONGEST_HEADER = 4096  # bytes
@@ -29,7 +29,7 @@ _KS = ("K", "k", "intrinsic_matrix", "camera_matrix", "intrinsics", "cam_K", "ca
 _SCALES = ("depth_scale", "factor_depth")
 _SEGMENTS = ("segmap", "seg", "segmentation", "segments", "mask")
 _POINTS = ("points", "xyz", "pc", "pcd")
-# m per count where nobody says otherwise: ROS (REP 118), RealSense D400, Azure and Kinect write millimetres.
+# m per count where nothing else is given: ROS (REP 118), RealSense D400, Azure and Kinect write millimetres.
 MILLIMETRES = 0.001
 # Of a depth image, pixels at least on each side: fewer are columns of something else.
 _LEAST_SIDE = 32

@@ -63,7 +63,7 @@ def read_cloud(path: Path, limit: int) -> Cloud:
 
     Raises:
         InputError, which names the file: none of these formats, damaged, cut, no points, too many, normals not of
-            length 1, columns that cannot be told.
+            length 1, ambiguous columns.
     """
     return checked(_as_written(path, limit)[0])
 

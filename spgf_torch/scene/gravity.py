@@ -48,13 +48,13 @@ _UPRIGHT = "the camera's picture is taken to be upright"
 
 
 def gravity_of(
-    config: SceneConfig, viewpoints: np.ndarray | None, turns: Sequence[np.ndarray] = (), ahead: float = 0.0
+    config: SceneConfig, viewpoints: np.ndarray | None, rotations: Sequence[np.ndarray] = (), ahead: float = 0.0
 ) -> Gravity | None:
     """What is up in the input's frame; None where `gravity` is null.
 
     Args:
         viewpoints: (V, 3) m, of clouds; None: not known.
-        turns: (3, 3) R_input_camera of depth images.
+        rotations: (3, 3) R_input_camera of depth images.
         ahead: 1 where a cloud lies before a camera at the origin along z, -1 along -z as OpenGL's; 0 elsewhere.
     """
     if config.gravity is None:
@@ -66,18 +66,18 @@ def gravity_of(
         return Gravity(-down / np.linalg.norm(down), 0.0, "by gravity as given", given=True)
     if config.gravity != AUTO:
         raise InputError(f"gravity: expected auto, null or [x,y,z], got {config.gravity}")
-    if len(turns):
-        return _of_cameras(turns)
+    if len(rotations):
+        return _of_cameras(rotations)
     if viewpoints is not None and (np.linalg.norm(viewpoints, axis=1) < _ORIGIN).all() and ahead:
         return Gravity(_CAMERA_UP * np.sign(ahead), _CAMERA_DEG, _UPRIGHT)
     return Gravity(np.array([0.0, 0.0, 1.0]), 0.0, "z is taken for up")
 
 
-def _of_cameras(turns: Sequence[np.ndarray]) -> Gravity:
+def _of_cameras(rotations: Sequence[np.ndarray]) -> Gravity:
     """Of depth images: z in the frame of poses; in a camera's own, half-way between its picture's up and backwards."""
-    mean = np.mean([turn @ _CAMERA_UP for turn in turns], axis=0)
+    mean = np.mean([rotation @ _CAMERA_UP for rotation in rotations], axis=0)
     length = float(np.linalg.norm(mean))
-    if all(np.allclose(turn, np.eye(3)) for turn in turns):
+    if all(np.allclose(rotation, np.eye(3)) for rotation in rotations):
         return Gravity(mean / length, _CAMERA_DEG, _UPRIGHT)
     apart = float(np.rad2deg(np.arccos(np.clip(mean[2] / max(length, 1e-9), -1, 1))))
     doubt = (

@@ -1,4 +1,4 @@
-"""Intrinsics of people's cameras: what K is, of which image, and what else the file says of its depth images."""
+"""Camera intrinsics from users' files: what K is, of which image, and what else the file says of its depth images."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from spgf_torch.scene.images import check_pixels, image_pixels, numbers
 MASKS = ("PNG", "JPEG", "BMP", "TIFF", "PPM")
 # JPEG changes values: good enough for a mask, not for numbers.
 LABEL_IMAGES = ("PNG", "BMP", "TIFF", "PPM")
-# A mask that marks a smaller or a larger share is told: it may be of something else, or inverted.
+# A mask that marks a smaller or a larger share is noted: it may be of something else, or inverted.
 _LEAST, _MOST = 0.001, 0.9
 _LABEL_KEYS = ("segmap", "seg", "segments", "labels", "label", "mask", "arr_0")
 
@@ -54,7 +54,7 @@ def label_array(name: str, values: np.ndarray) -> np.ndarray:
     if array.dtype.kind not in "fiub":
         raise InputError(f"{name}: expected labels that are whole numbers, got {array.dtype}")
     if array.dtype.kind == "f" and not (np.isfinite(array).all() and (array == np.round(array)).all()):
-        raise InputError(f"{name}: expected labels that are whole numbers, got others, NaN or infinity")
+        raise InputError(f"{name}: expected labels that are whole numbers, got fractions, NaN or infinity")
     if array.size and array.max() > np.iinfo(np.int32).max:
         raise InputError(f"{name}: expected labels below 2^31, got {array.max():g}")
     return np.maximum(array, 0).astype(np.int32)

@@ -74,7 +74,7 @@ def sampled(path: Path, config: SceneConfig, generator: np.random.Generator) -> 
         InputError: as `objects.scans.read_mesh`, which wants a closed mesh with its normals outwards.
     """
     sizes = settings(CollisionConfig, min_extent=config.min_extent, max_extent=config.max_extent)
-    _load(path, config)  # the extent and its unit are told as for every other input
+    _load(path, config)  # the extent and its unit are noted as for every other input
     mesh = read_mesh(path, config.unit, sizes)
     count = int(np.ceil(mesh.area / config.mesh_pitch**2))
     if count > config.mesh_samples:

@@ -171,12 +171,12 @@ def facing(
         ray = viewpoint - points
         distance = np.linalg.norm(ray, axis=1)
         cosine = (normals * ray).sum(axis=1) / np.maximum(distance, 1e-12)
-        turned = normals * np.where(cosine < 0, -1.0, 1.0)[:, None]
+        flipped = normals * np.where(cosine < 0, -1.0, 1.0)[:, None]
         front = _front(-ray, distance, _CELL * pitch / np.median(distance))
-        before = np.maximum((turned * (points[front] - points)).sum(axis=1), 0.0)
+        before = np.maximum((flipped * (points[front] - points)).sum(axis=1), 0.0)
         cost = before - _FACING * pitch * np.abs(cosine)
         better = cost < least
-        best[better], least[better], hidden[better] = turned[better], cost[better], before[better]
+        best[better], least[better], hidden[better] = flipped[better], cost[better], before[better]
     return best, hidden
 
 
@@ -216,9 +216,9 @@ def _check_outwards(cloud: Cloud, pitch: float) -> None:
     """Given normals must mostly point to the viewpoints of what these see; without viewpoints, out of the whole."""
     assert cloud.normals is not None
     if cloud.viewpoints is not None:
-        turned, hidden = facing(cloud.points, cloud.normals, cloud.viewpoints, pitch)
+        flipped, hidden = facing(cloud.points, cloud.normals, cloud.viewpoints, pitch)
         seen = hidden <= _HIDDEN * _CELL * pitch
-        away = float(((turned * cloud.normals).sum(axis=1) < 0)[seen].mean())
+        away = float(((flipped * cloud.normals).sum(axis=1) < 0)[seen].mean())
         if away > 0.5:
             raise InputError(
                 f"{cloud.name}: expected normals towards the viewpoints, got {away:.0%} that point away; flip them, "
@@ -248,8 +248,8 @@ def sphere(count: int) -> np.ndarray:
     """(count, 3) unit vectors spread evenly (Fibonacci) on the sphere."""
     i = np.arange(count)
     z = 1 - (2 * i + 1) / count
-    turn = np.pi * (3 - np.sqrt(5)) * i  # golden angle
-    return np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=1)
+    angle = np.pi * (3 - np.sqrt(5)) * i  # golden angle
+    return np.stack([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z], axis=1)
 
 
 def hidden_share(hidden: np.ndarray, pitch: float) -> float:

@@ -46,8 +46,8 @@ def seen_from(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
 
     def seen(eye: np.ndarray, sign: float) -> bool:
         ray = middle - eye
-        turned = sign * (ray * area).sum(axis=1) > 0
-        return float(size[turned].sum()) >= _SEEN * float(size.sum()) and _ahead(ray)
+        faced = sign * (ray * area).sum(axis=1) > 0
+        return float(size[faced].sum()) >= _SEEN * float(size.sum()) and _ahead(ray)
 
     if seen(np.zeros(3), -1) or seen(np.zeros(3), 1):
         return np.zeros(3)

@@ -1,7 +1,7 @@
-"""Straight borders of a cloud: where the camera's image, a crop box or a mask cut it, and nobody knows what follows.
+"""Straight borders of a cloud: where the camera's image, a crop box or a mask cut it, so that what follows is unknown.
 
-The outline of a lone thing is its silhouette; that of a scene is the frame it was seen through. A scene is told by its
-size: an outline that runs straight for longer than what hands grasp, of a cloud that is wide across it too.
+The outline of a lone thing is its silhouette; that of a scene is the frame it was seen through. A scene is known by
+its size: an outline that runs straight for longer than what hands grasp, of a cloud that is wide across it too.
 """
 
 from __future__ import annotations

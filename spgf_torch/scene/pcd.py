@@ -88,8 +88,8 @@ def read_pcd(path: Path, limit: int) -> Cloud:
 
 def _known(viewpoint: tuple[float, ...]) -> np.ndarray | None:
     """(1, 3) where the sensor was; None for the identity, and for a quaternion of zeros, with no translation."""
-    origin, turn = np.array(viewpoint[:3]), np.abs(viewpoint[3:])
-    return None if not origin.any() and not turn[1:].any() else origin[None]
+    origin, rotation = np.array(viewpoint[:3]), np.abs(viewpoint[3:])
+    return None if not origin.any() and not rotation[1:].any() else origin[None]
 
 
 def _header(path: Path, content: bytes) -> Header:

@@ -41,7 +41,7 @@ _NEAR, _FAR = -2.4, 1.8
 _NEAREST, _FARTHEST = 0.15, 1.8
 # m; largest side of a scene or a part of one, and of what a hand holds.
 _LARGE, _SMALL = 3.0, 0.015
-# Points that things are told apart by, joined where nearer than so many medians of their distances; the share of the
+# Points by which things are separated, joined where nearer than so many medians of their distances; the share of the
 # points that makes a thing.
 _POINTS, _JOINED, _THING = 2000, 4.0, 0.05
 # Of the points in one plane: more, and it is none of the things.

@@ -42,9 +42,13 @@ def checked_pose(name: str, values: np.ndarray) -> np.ndarray:
     T = np.asarray(values, dtype=np.float64)
     if T.shape != (4, 4):
         raise InputError(f"{name}: expected a camera pose of 4 x 4 numbers, got shape {T.shape}")
-    turn = T[:3, :3]
+    rotation = T[:3, :3]
     with np.errstate(over="ignore", invalid="ignore"):
-        rigid = np.isfinite(T).all() and np.abs(turn @ turn.T - np.eye(3)).max() < _RIGID and np.linalg.det(turn) > 0
+        rigid = (
+            np.isfinite(T).all()
+            and np.abs(rotation @ rotation.T - np.eye(3)).max() < _RIGID
+            and np.linalg.det(rotation) > 0
+        )
     if not rigid or not np.allclose(T[3], _LAST_ROW):
         raise InputError(f"{name}: expected a rotation, a translation and 0 0 0 1, got {T.round(4).tolist()}")
     return T
@@ -101,12 +105,12 @@ def _matrices(path: Path, array: np.ndarray, notes: list[str]) -> np.ndarray:
 def _of_lines(path: Path, lines: np.ndarray, notes: list[str]) -> np.ndarray:
     from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
 
-    turns = lines[:, -4:]
-    length = np.linalg.norm(turns, axis=1)
+    quaternions = lines[:, -4:]
+    length = np.linalg.norm(quaternions, axis=1)
     if not np.isfinite(lines).all() or (np.abs(length - 1) > _RIGID).any():
         raise InputError(f"{path}: expected unit quaternions qx qy qz qw at the ends of the lines, got other numbers")
     T = np.tile(np.eye(4), (len(lines), 1, 1))
-    T[:, :3, :3] = Rotation.from_quat(turns).as_matrix()
+    T[:, :3, :3] = Rotation.from_quat(quaternions).as_matrix()
     T[:, :3, 3] = lines[:, -7:-4]
     what = "[t] x y z qx qy qz qw, as the TUM benchmark writes them" if lines.shape[1] == 8 else "x y z qx qy qz qw"
     notes.append(f"{path.name}: lines of {lines.shape[1]} numbers taken for {what}")

@@ -1,4 +1,4 @@
-"""A scene: what there is to grasp and all that a hand must not touch, from people's arrays or files.
+"""A scene: what there is to grasp and all that a hand must not touch, from arrays or files.
 
     scene = Scene.from_depth(depth, K, T_base_camera, mask=mask, table="find")
     grasps = model.predict(scene)
@@ -100,7 +100,7 @@ class Scene:
 
         Args:
             points: (N, 3), or (H, W, 3) as an image of points, m (or `unit`); NaN, infinity and 0 0 0: no reading.
-            viewpoints: (3,) or (V, 3), where it was seen from, m, same frame; None: told by the points, or refused.
+            viewpoints: (3,) or (V, 3), where it was seen from, m, same frame; None: found from the points, or refused.
             normals: in the shape of the points, out of the surface; None: estimated.
             mask: (N,) or (H, W), not 0: the target, 0: an obstacle; None: all is the target.
             segments: whole numbers in the same shape, each above 0 a target of its own; not together with `mask`.
@@ -128,7 +128,7 @@ class Scene:
 
         config = settings(SceneConfig, **changes)
         clouds = clouds_of_arrays(points, normals, viewpoints, mask, segments, config)
-        return _told(scene_of_clouds(clouds, config, *_defaults(sensing)))
+        return _with_warnings(scene_of_clouds(clouds, config, *_defaults(sensing)))
 
     @staticmethod
     def from_depth(
@@ -159,7 +159,7 @@ class Scene:
 
         config = settings(SceneConfig, **changes)
         views = views_of_arrays(depth, K, T_input_camera, mask, segments, config)
-        return _told(scene_of_views(views, config, *_defaults(sensing)))
+        return _with_warnings(scene_of_views(views, config, *_defaults(sensing)))
 
     @staticmethod
     def from_files(
@@ -176,15 +176,15 @@ class Scene:
         from spgf_torch.scene.assembly import read_scene
 
         given = [str(file) for file in files] if isinstance(files, list | tuple) else str(files)
-        return _told(read_scene(settings(SceneConfig, **{**changes, "input": given}), *_defaults(sensing)))
+        return _with_warnings(read_scene(settings(SceneConfig, **{**changes, "input": given}), *_defaults(sensing)))
 
 
 def _defaults(sensing: SensingConfig | None) -> tuple[SensingConfig, np.random.Generator]:
     return sensing or settings(SensingConfig), np.random.default_rng(_SEED)
 
 
-def _told(scene: Scene) -> Scene:
-    """The scene, its warnings told as Python's: who writes a program may never look at `notes`."""
+def _with_warnings(scene: Scene) -> Scene:
+    """Re-issue the warnings in the scene's notes as UserWarning, for programs that do not read `notes`."""
     for note in scene.notes:
         if note.startswith("warning: "):
             warnings.warn(note.removeprefix("warning: "), stacklevel=3)

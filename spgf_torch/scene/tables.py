@@ -18,7 +18,7 @@ from spgf_torch.scene.columns import MOST_COLUMNS, Layout, layout_by_values, nam
 TEXT = (".xyz", ".xyzn", ".xyzrgb", ".txt", ".csv", ".tsv", ".asc", ".pts")
 _COMMENTS = ("#", "//")
 _LONGEST_LINE = 1 << 16
-_SAMPLE = 50  # rows by which the layout is told
+_SAMPLE = 50  # rows from which the layout is found
 _MOST_LINES = 1000  # of comments and of these
 _NOTHING = 1 << 30  # lines to skip: all
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
@@ -45,7 +45,7 @@ def read_table(path: Path, limit: int) -> tuple[Cloud, str | None]:
     """The cloud in a text file, not yet checked, and the unit that its column names state.
 
     Raises:
-        InputError: words that are no numbers, columns that cannot be told, rows of different length, too many.
+        InputError: words that are no numbers, ambiguous columns, rows of different length, too many.
     """
     try:
         form = _form(path)
@@ -111,7 +111,7 @@ def _first_lines(path: Path) -> tuple[list[str], list[tuple[int, str]]]:
 
 
 def _style(lines: list[str]) -> tuple[list[str], str | None, bool]:
-    """The first line's words, the delimiter, and whether a comma stands for the decimal point."""
+    """The first line's words, the delimiter, and whether a comma is the decimal point."""
     mark = ";" if any(";" in line for line in lines) else None
     split = [[word.strip() for word in line.split(mark)] for line in lines]
     comma = any(_DECIMAL_COMMA.fullmatch(word) for words in split for word in words)

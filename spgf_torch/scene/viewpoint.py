@@ -43,13 +43,13 @@ _DOUBTFUL = -0.15
 _THING = 0.3
 # A shape that bulges towards a place below it is a bowl seen from above; cameras rarely look up.
 _LOOKS_UP = -0.1
-# Mean of n . u, below which normals turned to the origin speak against it: nothing but the frame speaks for it here.
+# Mean of n . u, below which normals turned to the origin speak against it: only the frame speaks for it.
 _HOLLOW = 0.25
 # A table tells the side where nearly all that is not on it lies on one side, and there is something.
 _ABOVE, _SOMETHING = 0.97, 0.01
 # Points with neighbours, fewer of which tell nothing.
 _FEWEST = 10
-# Cosine: cameras that see a table look down on it by 10 deg at least; points on it that a shape is told from.
+# Cosine: cameras that see a table look down on it by 10 deg at least; points on it from which a shape is recognised.
 _OVER, _FEW = 0.17, 30
 
 
@@ -133,8 +133,8 @@ def _of_frame_or_shape(cloud: Cloud, config: SceneConfig) -> Side | None:
 
 def _alike(eye: np.ndarray, other: np.ndarray, points: np.ndarray, normals: np.ndarray, pitch: float) -> bool:
     """Whether two places (3,), m, turn most of the normals alike."""
-    turned, again = (facing(points, normals, place[None], pitch)[0] for place in (eye, other))
-    return _differ(turned, again) <= 0.5
+    flipped, again = (facing(points, normals, place[None], pitch)[0] for place in (eye, other))
+    return _differ(flipped, again) <= 0.5
 
 
 def _bulges_to(eye: np.ndarray, looks: Sequence[_Look], points: np.ndarray, normals: np.ndarray, pitch: float) -> bool:
@@ -142,8 +142,8 @@ def _bulges_to(eye: np.ndarray, looks: Sequence[_Look], points: np.ndarray, norm
     ray = points - eye
     if float((ray @ ray.mean(axis=0) <= 0).mean()) > BEHIND:
         return False
-    turned, hidden = facing(points, normals, eye[None], pitch)
-    score = outwardness(points, turned) - hidden_share(hidden, pitch)
+    flipped, hidden = facing(points, normals, eye[None], pitch)
+    score = outwardness(points, flipped) - hidden_share(hidden, pitch)
     return score >= max(_HOLLOW, looks[0].score - _CLEARER)
 
 
@@ -196,9 +196,9 @@ def _looked_at(points: np.ndarray, normals: np.ndarray, pitch: float, directions
     outermost, outwards = extremes(points)
     looks = []
     for direction in directions:
-        turned, hidden = facing(points, normals, (middle + away * direction)[None], pitch)
-        bulge = float((turned[outermost] * outwards).sum(axis=1).mean())
-        looks.append(_Look(direction, bulge, hidden_share(hidden, pitch), turned))
+        flipped, hidden = facing(points, normals, (middle + away * direction)[None], pitch)
+        bulge = float((flipped[outermost] * outwards).sum(axis=1).mean())
+        looks.append(_Look(direction, bulge, hidden_share(hidden, pitch), flipped))
     return sorted(looks, key=lambda look: -look.score)
 
 

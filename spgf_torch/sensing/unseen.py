@@ -26,7 +26,7 @@ _THROUGH = -0.1
 
 @dataclass(frozen=True)
 class DepthView:
-    """One depth image, ready to be asked.
+    """One depth image, ready for look-ups.
 
     Attributes:
         depth: (H, W) f32, m, holes filled; infinity: no return.
@@ -80,7 +80,7 @@ def behind_at(T: Tensor, points: Tensor, views: Sequence[DepthView], enough: flo
     """(G, I) f32 the same for points (I, 3) of a body at poses (G, 4, 4) in the views' frame.
 
     A point that one view puts at most `enough` m behind its surface is not looked for in the others: where a value is
-    that small, it need not be the least. Infinity: where one image shows the place, the others are not asked.
+    that small, it need not be the least. Infinity: where one image shows the place, the others are not looked up.
     """
     least = torch.full((len(T), len(points)), torch.inf)
     poses, body = T.contiguous().numpy(), points.contiguous().numpy()
@@ -106,25 +106,25 @@ def project(
     camera (6, 3) f64: the rows of the rotation into its frame, then of that into pixels times metres.
     """
     height, width = depth.shape
-    turn, move = np.empty((6, 3)), np.empty(6)
+    rotation, move = np.empty((6, 3)), np.empty(6)
     for g in range(len(T)):
         for row in range(6):
             move[row] = 0.0
             for k in range(3):
                 move[row] += camera[row, k] * (np.float64(T[g, k, 3]) - eye[k])
-                turn[row, k] = 0.0
+                rotation[row, k] = 0.0
                 for j in range(3):
-                    turn[row, k] += camera[row, j] * T[g, j, k]
+                    rotation[row, k] += camera[row, j] * T[g, j, k]
         for i in range(len(points)):
             if least[g, i] <= enough and least[g, i] < np.inf:
                 continue
             a, b, c = points[i]
-            z = turn[2, 0] * a + turn[2, 1] * b + turn[2, 2] * c + move[2]
+            z = rotation[2, 0] * a + rotation[2, 1] * b + rotation[2, 2] * c + move[2]
             if z <= 0:
                 continue
             scale = 1 / max(z, 1e-6)
-            u = (turn[3, 0] * a + turn[3, 1] * b + turn[3, 2] * c + move[3]) * scale
-            v = (turn[4, 0] * a + turn[4, 1] * b + turn[4, 2] * c + move[4]) * scale
+            u = (rotation[3, 0] * a + rotation[3, 1] * b + rotation[3, 2] * c + move[3]) * scale
+            v = (rotation[4, 0] * a + rotation[4, 1] * b + rotation[4, 2] * c + move[4]) * scale
             if u > -0.5 and u < width - 0.5 and v > -0.5 and v < height - 0.5:
                 surface = depth[int(np.rint(v)), int(np.rint(u))]
                 least[g, i] = min(least[g, i], z - surface if surface < np.inf else _THROUGH)

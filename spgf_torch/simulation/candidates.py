@@ -37,9 +37,9 @@ def sample_poses(
     outwards = np.einsum("ij,ij->i", approach, centres - obj.com) > 0
     approach[outwards] *= -1
     axes = np.stack([closing, np.cross(approach, closing), approach], axis=-1)
-    turn = rng.normal(0, np.radians(config.jitter_deg), (count, 3))
+    jitter = rng.normal(0, np.radians(config.jitter_deg), (count, 3))
     shift = rng.normal(0, config.jitter, (count, 3))
-    rotation = Rotation.from_rotvec(turn) * Rotation.from_matrix(axes)
+    rotation = Rotation.from_rotvec(jitter) * Rotation.from_matrix(axes)
     quaternion = rotation.as_quat(canonical=True, scalar_first=True)
     return torch.from_numpy((centres + shift).astype(np.float32)), torch.from_numpy(quaternion.astype(np.float32))
 

@@ -229,8 +229,8 @@ def _hand_builder(hand: Hand, material: physx.PhysxMaterial) -> sapien.Articulat
         joint = link.joint_record
         if joint.name in hand.fixed and link.parent.index in T_base_still:
             half = hand.fixed[joint.name] / 2  # about the joint frame's x axis
-            turn = sapien.Pose(q=[math.cos(half), math.sin(half), 0, 0])
-            T_base_link = T_base_still[link.parent.index] * joint.pose_in_parent * turn * joint.pose_in_child.inv()
+            rotation = sapien.Pose(q=[math.cos(half), math.sin(half), 0, 0])
+            T_base_link = T_base_still[link.parent.index] * joint.pose_in_parent * rotation * joint.pose_in_child.inv()
             T_base_still[link.index] = T_base_link
             for shape in link.collision_records:
                 shape.pose = T_base_link * shape.pose
@@ -247,7 +247,7 @@ def _hand_builder(hand: Hand, material: physx.PhysxMaterial) -> sapien.Articulat
     builder.link_builders = moving
     built = sum(len(link.collision_shapes) for link in builder.build(fix_root_link=True).links)
     wanted = len(next(iter(hand.preshapes.values())).shapes)
-    if built != wanted:  # SAPIEN skips without a word what it cannot cook
+    if built != wanted:  # SAPIEN silently skips shapes that it cannot cook
         raise InputError(f"{hand.urdf}: expected {wanted} collision shapes in SAPIEN, got {built}")
     return builder
 

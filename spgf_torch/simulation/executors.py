@@ -1,7 +1,7 @@
-"""Where chunks of candidates are tried: in this process, in others of this machine, on a Dask cluster.
+"""Executors of trials: inline, in processes of this machine, or on a Dask cluster.
 
-All give the same: pairs of a task and how it ended, in whatever order they end. Tasks are taken from their iterable as
-there is room, so that millions of them need no memory.
+All yield pairs of a task and its result, in the order in which tasks end. They take few tasks at a time from the
+iterable, so that millions of tasks need no memory.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ import numpy as np
 
 from spgf_torch.errors import IncompleteError, InputError
 from spgf_torch.extras import needed
-from spgf_torch.simulation.attempts import Case, Ended, try_chunk, try_in_cell
-from spgf_torch.simulation.worker_process import Cell
+from spgf_torch.simulation.worker import Case, ChunkResult, try_chunk, try_in_process
+from spgf_torch.simulation.worker_process import WorkerProcess
 
-AHEAD = 2  # tasks handed out for each process, so that none waits for the next
+AHEAD = 2  # tasks submitted for each process, so that none is idle
 PATIENCE = 30  # s for a scheduler to answer and for a first worker to be there
 
 
@@ -32,7 +32,7 @@ class Task:
     """Candidates of one case.
 
     Attributes:
-        name: tells tasks apart.
+        name: of the task, unique.
         case: what is tried, and how.
         T_object_tcp: (M, 4, 4) float32.
     """
@@ -42,74 +42,74 @@ class Task:
     T_object_tcp: np.ndarray
 
 
-class Runner(Protocol):
-    """Tries the candidates of tasks. Closing the iterator ends whatever is still running."""
+class Executor(Protocol):
+    """Runs the trials of tasks. Closing the iterator ends those that are still running."""
 
-    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Ended]]: ...
+    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, ChunkResult]]: ...
 
 
-class Here:
-    """In this process, one task after the other: for a few trials, without the time that another process takes."""
+class InlineExecutor:
+    """Run tasks inline, one after the other: for a few trials, without the time to start a process."""
 
-    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Ended]]:
+    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, ChunkResult]]:
         for task in tasks:
             yield task, try_chunk(task.case, task.T_object_tcp)
 
 
-class Local:
-    """Processes of this machine; one that dies takes nothing with it.
+class ProcessExecutor:
+    """Run tasks in processes of this machine. The death of one loses no result of the others.
 
     Args:
         workers: how many, 0 = one a core.
-        limit: seconds that a trial may take; None = as long as it likes.
+        limit: seconds that a trial may take; None: no limit.
     """
 
     def __init__(self, workers: int = 0, limit: float | None = None) -> None:
         self.workers, self.limit = workers or joblib.cpu_count(), limit
 
-    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Ended]]:
-        cells = [Cell() for _ in range(self.workers)]
-        idle: SimpleQueue[Cell] = SimpleQueue()
-        for cell in cells:
-            idle.put(cell)
+    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, ChunkResult]]:
+        processes = [WorkerProcess() for _ in range(self.workers)]
+        idle: SimpleQueue[WorkerProcess] = SimpleQueue()
+        for process in processes:
+            idle.put(process)
 
-        def attempt(task: Task) -> Ended:
-            cell = idle.get()
+        def run_task(task: Task) -> ChunkResult:
+            process = idle.get()
             try:
-                return try_in_cell(cell, task.case, task.T_object_tcp, self.limit)
+                return try_in_process(process, task.case, task.T_object_tcp, self.limit)
             finally:
-                idle.put(cell)
+                idle.put(process)
 
         threads = ThreadPoolExecutor(self.workers)
         try:
-            yield from _by_threads(lambda task: threads.submit(attempt, task), iter(tasks), AHEAD * self.workers)
+            yield from _by_threads(lambda task: threads.submit(run_task, task), iter(tasks), AHEAD * self.workers)
         finally:
-            for cell in cells:
-                cell.kill()
+            for process in processes:
+                process.kill()
             threads.shutdown(cancel_futures=True)
-            for cell in cells:
-                cell.close()
+            for process in processes:
+                process.close()
 
 
-def runner_of(workers: int = 0, limit: float | None = None, address: str | None = None) -> Runner:
-    """Where trials run: on the Dask cluster of `address`, or in `workers` processes here, one of which is this one."""
+def executor_of(workers: int = 0, limit: float | None = None, address: str | None = None) -> Executor:
+    """Return the executor on the Dask cluster of `address`, or of `workers` local processes; 1 = inline."""
     if address:
-        return Dask(address, limit)
-    return Here() if workers == 1 else Local(workers, limit)
+        return DaskExecutor(address, limit)
+    return InlineExecutor() if workers == 1 else ProcessExecutor(workers, limit)
 
 
 def check_address(runner: str, address: str | None) -> None:
-    """InputError unless there is a scheduler's address with `runner` dask, and only then."""
+    """Raise InputError unless `runner` is dask exactly where there is a scheduler's address."""
     if (runner == "dask") != bool(address):
         raise InputError(
             f"address: expected that of a Dask scheduler with runner=dask, and only then; got {address or 'none'}"
         )
 
 
-class Dask:
-    """The workers of a Dask cluster, as many threads as each has; a worker that dies is replaced by the others.
+class DaskExecutor:
+    """Run tasks on the workers of a Dask cluster, one a thread; others take over from a worker that dies.
 
-    On every worker the trials run in a process beside it, so that none of them can end it.
+    Each thread runs its trials in a process of its own, so that a crash does not end the worker.
 
     Args:
         address: of the scheduler, for example tcp://10.0.0.1:8786.
@@ -133,7 +133,7 @@ class Dask:
             self.client.close()
             raise InputError(f"address: expected a Dask scheduler with workers, got none at {address}") from None
 
-    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, Ended]]:
+    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, ChunkResult]]:
         from distributed import as_completed
         from distributed.client import FutureCancelledError
         from distributed.comm.core import CommClosedError
@@ -158,14 +158,14 @@ class Dask:
         except ModuleNotFoundError as error:
             raise IncompleteError(f"address: expected Dask workers with spgf_torch, got: {error}") from None
         finally:
-            with suppress(Exception):  # of a cluster that is gone nothing can be taken back
+            with suppress(Exception):  # the cluster may be gone
                 self.client.close()
 
     def _threads(self) -> int:
         return max(1, sum(self.client.nthreads().values()))
 
     def _submit(self, task: Task, cases: dict[Case, Any]) -> Any:
-        """The object travels once and not with every chunk; as a task, not as data: it can be had again."""
+        """Send the object once and not with every chunk; as a task, not as data, so that Dask can make it again."""
         if task.case not in cases:
             if len(cases) > AHEAD:
                 del cases[next(iter(cases))]
@@ -173,15 +173,15 @@ class Dask:
         return self.client.submit(_on_worker, cases[task.case], task.T_object_tcp, self.limit, pure=False)
 
 
-def _ended(future: Any, task: Task) -> Ended:
-    """What came of a task; Dask gives up on one whose workers died again and again."""
+def _ended(future: Any, task: Task) -> ChunkResult:
+    """Return the result of a task; one that Dask gave up, since its workers died repeatedly, has no outcomes."""
     from distributed import KilledWorker
 
     try:
         return future.result()
     except KilledWorker:
         rows = range(len(task.T_object_tcp))
-        return Ended([None for _ in rows], dict.fromkeys(rows, "Dask gave up: its workers died"))
+        return ChunkResult([None for _ in rows], dict.fromkeys(rows, "Dask gave up: its workers died"))
 
 
 def _itself(case: Case) -> Case:
@@ -191,17 +191,17 @@ def _itself(case: Case) -> Case:
 _own = threading.local()
 
 
-def _on_worker(case: Case, T_object_tcp: np.ndarray, limit: float | None) -> Ended:
-    """On a thread of a Dask worker: the process that it keeps for its trials does them."""
-    if not hasattr(_own, "cell"):
-        _own.cell = Cell()
-    return try_in_cell(_own.cell, case, T_object_tcp, limit)
+def _on_worker(case: Case, T_object_tcp: np.ndarray, limit: float | None) -> ChunkResult:
+    """Run trials on a thread of a Dask worker, in the process that the thread keeps for them."""
+    if not hasattr(_own, "process"):
+        _own.process = WorkerProcess()
+    return try_in_process(_own.process, case, T_object_tcp, limit)
 
 
 def _by_threads(
-    submit: Callable[[Task], Future[Ended]], tasks: Iterator[Task], ahead: int
-) -> Iterator[tuple[Task, Ended]]:
-    waiting: dict[Future[Ended], Task] = {}
+    submit: Callable[[Task], Future[ChunkResult]], tasks: Iterator[Task], ahead: int
+) -> Iterator[tuple[Task, ChunkResult]]:
+    waiting: dict[Future[ChunkResult], Task] = {}
     while True:
         waiting.update((submit(task), task) for task in islice(tasks, ahead - len(waiting)))
         if not waiting:

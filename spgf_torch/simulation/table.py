@@ -1,7 +1,7 @@
-"""The trial table: one Parquet file an object, what was tried and how it ended. Does not import sapien.
+"""The trial table: one Parquet file an object, candidates and their outcomes. Does not import sapien.
 
 Columns: index (int32), type and outcome (dictionaries of words), position x y z (m) and quaternion w x y z of
-T_object_tcp (float32). The file's metadata hold everything that the outcomes depend on (`Origin`).
+T_object_tcp (float32). The file's metadata hold everything that the outcomes depend on (`Provenance`).
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ KEY = b"spgf_torch.trials"  # of the metadata in the Parquet schema
 
 
 @dataclass(frozen=True)
-class Origin:
-    """What a table was made from: two tables with equal origins hold equal rows (on one machine type).
+class Provenance:
+    """What a table was made from: two tables with equal provenances hold equal rows (on one machine type).
 
     Attributes:
         object_name, object_digest: the object (`GraspObject.digest`).
@@ -65,7 +65,7 @@ class TrialTable:
     """The trials on one object.
 
     Attributes:
-        origin: what it was made from.
+        provenance: what it was made from.
         position: (M, 3) float32, m, and
         quaternion: (M, 4) float32 wxyz of T_object_tcp.
         grasp_type: (M,) int64, index into `config.GRASP_TYPES`.
@@ -73,7 +73,7 @@ class TrialTable:
         versions: package -> version that made it.
     """
 
-    origin: Origin
+    provenance: Provenance
     position: Tensor
     quaternion: Tensor
     grasp_type: Tensor
@@ -82,7 +82,7 @@ class TrialTable:
 
     @property
     def object_name(self) -> str:
-        return self.origin.object_name
+        return self.provenance.object_name
 
     @cached_property
     def T_object_tcp(self) -> Tensor:  # noqa: N802
@@ -112,8 +112,8 @@ def table_path(folder: Path, object_name: str) -> Path:
 
 
 def write_table(path: Path, table: TrialTable) -> None:
-    """Write `table` with its seal, at once or not at all."""
-    about = {"schema": SCHEMA, "origin": asdict(table.origin), "versions": table.versions}
+    """Write `table` with its seal, atomically."""
+    about = {"schema": SCHEMA, "origin": asdict(table.provenance), "versions": table.versions}
     write_columns(path, columns_of(table), {KEY: json.dumps(about, sort_keys=True)})
 
 
@@ -129,7 +129,7 @@ def columns_of(table: Any) -> dict[str, Any]:
 
 
 def write_columns(path: Path, columns: Mapping[str, Any], about: Mapping[bytes, str]) -> None:
-    """A sealed Parquet file of these columns and metadata, at once or not at all."""
+    """Write a sealed Parquet file of these columns and metadata, atomically."""
     metadata: dict[Any, Any] = {**about, SEAL: BLANK}
     content = pa.table(dict(columns)).replace_schema_metadata(metadata)
     sink = io.BytesIO()
@@ -162,14 +162,14 @@ def _decoded(path: Path, content: pa.Table) -> TrialTable:
             f"{path}: expected a trial table of schema {SCHEMA}, got {about.get('schema', 'a foreign file')}"
         )
     table = TrialTable(
-        origin=Origin(**about["origin"]),
+        provenance=Provenance(**about["origin"]),
         position=floats(content, POSITION),
         quaternion=floats(content, QUATERNION),
         grasp_type=codes_in(path, content, "type", GRASP_TYPES),
         outcome=codes_in(path, content, "outcome", OUTCOMES),
         versions=about["versions"],
     )
-    rows = table.origin.candidates * len(GRASP_TYPES)
+    rows = table.provenance.candidates * len(GRASP_TYPES)
     if len(table) != rows:
         raise InputError(f"{path}: expected {rows} trials, got {len(table)}")
     check_poses(path, table.position, table.quaternion)
@@ -187,21 +187,21 @@ def check_poses(path: Path, position: Tensor, quaternion: Tensor) -> None:
         )
 
 
-def read_tables(folder: Path, expected: Iterable[Origin]) -> list[TrialTable]:
+def read_tables(folder: Path, expected: Iterable[Provenance]) -> list[TrialTable]:
     """The tables of `expected`, in its order.
 
     Raises InputError where one is missing or damaged or was made from something else than expected.
     """
     tables = []
-    for origin in expected:
-        path = table_path(folder, origin.object_name)
+    for provenance in expected:
+        path = table_path(folder, provenance.object_name)
         table = read_table(path)
-        compare(path, origin, table.origin)
+        compare(path, provenance, table.provenance)
         tables.append(table)
     return tables
 
 
-def compare(path: Path, expected: Origin, got: Origin) -> None:
+def compare(path: Path, expected: Provenance, got: Provenance) -> None:
     """Raises InputError for the first thing that what is in `path` was made from and that is not as expected."""
     for key, value in asdict(expected).items():
         other = getattr(got, key)

@@ -1,7 +1,7 @@
-"""A process of its own for work that may crash or not end: what happens in it happens to nobody else.
+"""A separate process for work that may crash or hang: a crash or hang is confined to it.
 
-Not a pool of joblib's: one of its workers that dies takes all tasks of the others with it, and does not say which task
-it was. Imports only the standard library, so that a new process is there at once.
+Not a pool of joblib's: a worker of it that dies loses all tasks of the others, and does not say which task it was.
+Imports only the standard library, so that a new process starts quickly.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-# What faulthandler leaves with when the time is up; nothing else in a cell does.
+# Exit status of faulthandler when the time is up; nothing else in a worker exits with it.
 OVERDUE = 1
 START = "import sys; sys.path[:] = {path!r}; from spgf_torch.simulation.worker_process import serve; serve({handle})"
 
 
-class CellDiedError(Exception):
+class WorkerDiedError(Exception):
     """The process ended before it answered.
 
     Attributes:
@@ -38,19 +38,19 @@ class CellDiedError(Exception):
         self.overdue = code == OVERDUE
 
 
-class CellClosedError(Exception):
-    """Nothing more is wanted of this cell."""
+class WorkerClosedError(Exception):
+    """The process was ended by `kill`."""
 
 
 @dataclass(frozen=True)
 class _Raised:
-    """Stands for an answer where the function raised."""
+    """The answer to a call whose function raised."""
 
     lines: str
 
 
-class Cell:
-    """Calls functions in a process of its own, one at a time; started when it is first needed, and again after a death.
+class WorkerProcess:
+    """Calls functions in a separate process, one at a time; it starts at the first call, and again after a crash.
 
     `call` and `close` belong to one thread, `kill` may come from any.
     """
@@ -61,9 +61,9 @@ class Cell:
         self._connection: Connection | None = None
 
     def call(self, function: Callable[..., Any], *args: Any) -> Any:
-        """`function(*args)`, both found by pickle in the other process.
+        """Return `function(*args)`, both pickled to the other process.
 
-        Raises CellDiedError where that process ended, CellClosedError where `kill` ended it, RuntimeError with the
+        Raises WorkerDiedError where that process ended, WorkerClosedError where `kill` ended it, RuntimeError with the
         traceback of the other side where the function raised.
         """
         connection = self._start()
@@ -73,21 +73,21 @@ class Cell:
         except (EOFError, ConnectionError):
             code = self._end()
             if self._closed:
-                raise CellClosedError from None
-            raise CellDiedError(code) from None
+                raise WorkerClosedError from None
+            raise WorkerDiedError(code) from None
         if isinstance(answer, _Raised):
             raise RuntimeError(answer.lines)
         return answer
 
     def kill(self) -> None:
-        """End the process for good, whatever it is doing."""
+        """End the process for good, even during a call."""
         with self._lock:
             self._closed = True
             if self._process is not None:
                 self._process.kill()
 
     def close(self) -> None:
-        """`kill`, and let go of what belongs to the process."""
+        """End the process, and release its resources."""
         self.kill()
         if self._process is not None:
             self._end()
@@ -95,7 +95,7 @@ class Cell:
     def _start(self) -> Connection:
         with self._lock:
             if self._closed:
-                raise CellClosedError
+                raise WorkerClosedError
             if self._process is None or self._connection is None:
                 self._connection, theirs = Pipe()
                 with theirs, _interrupts_blocked():
@@ -103,13 +103,13 @@ class Cell:
                         [sys.executable, "-c", START.format(path=sys.path, handle=theirs.fileno())],
                         stdin=subprocess.DEVNULL,
                         stdout=2,  # stdout is the command's
-                        env={"OMP_NUM_THREADS": "1", **os.environ},  # a cell a core
+                        env={"OMP_NUM_THREADS": "1", **os.environ},  # one process a core
                         pass_fds=[theirs.fileno()],
                     )
             return self._connection
 
     def _end(self) -> int:
-        """Of a process that closed its end: the exit code."""
+        """Wait for a process that closed its end; return its exit code."""
         with self._lock:
             assert self._process is not None and self._connection is not None
             code = self._process.wait()
@@ -119,7 +119,7 @@ class Cell:
 
 
 def serve(handle: int) -> None:
-    """The other side: answer calls until the caller is gone, by its own will or not."""
+    """Answer calls until the caller is gone; runs in the other process."""
     connection = Connection(handle)
     while True:
         answer: Any
@@ -134,12 +134,12 @@ def serve(handle: int) -> None:
             connection.send(answer)
         except ConnectionError:
             break
-    os._exit(0)  # nothing to tidy up, and a simulator that is torn down may crash
+    os._exit(0)  # a simulator that is torn down may crash
 
 
 @contextmanager
 def limited(seconds: float | None) -> Iterator[None]:
-    """End this process if the body takes longer, even inside a library that never comes back to Python."""
+    """End this process if the body takes longer, even inside a library that never returns to Python."""
     if seconds is None:
         yield
         return
@@ -154,7 +154,7 @@ _open: list[Any] = []
 
 
 def _nowhere() -> Any:
-    """A file for tracebacks that nobody wants; open as long as the process lives."""
+    """Return a file that discards tracebacks, open as long as the process lives."""
     if not _open:
         _open.append(Path(os.devnull).open("w"))  # noqa: SIM115
     return _open[0]
@@ -162,7 +162,7 @@ def _nowhere() -> Any:
 
 @contextmanager
 def _interrupts_blocked() -> Iterator[None]:
-    """A process that starts here never hears of Ctrl-C, which the terminal sends to all: its caller will end it."""
+    """Block Ctrl-C, which the terminal sends to all, for a process that starts in the body: its caller ends it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

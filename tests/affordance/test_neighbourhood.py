@@ -9,19 +9,19 @@ import torch
 from spgf_torch.affordance import model as affordance
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.neighbourhood import Condensed, Counts, ShapeGraspSpace, analyse, condense
-from spgf_torch.affordance.pairs import CellPairs, cell_pairs, lattice_of
-from spgf_torch.affordance.particles import Particles, Points, pairs_within
+from spgf_torch.affordance.pairs import CellPairs, cell_pairs, grid_of
+from spgf_torch.affordance.particles import Particles
 from spgf_torch.affordance.voting import NO_POINT, VotingIndex, cast_votes, counted_votes
 from spgf_torch.errors import InputError
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.geometry import se3
-from spgf_torch.geometry.lattice import Kernel, Lattice, gaussian_kernel
+from spgf_torch.geometry.se3_grid import Kernel, SE3Grid, gaussian_kernel
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import plain, settings
 
-LATTICE = Lattice(reach=0.03, voxel=0.01, rotation_deg=60.0)
+GRID = SE3Grid(reach=0.03, voxel=0.01, rotation_deg=60.0)
 PROTOTYPES = 3
 
 
@@ -31,16 +31,16 @@ def random_particles(n: int, generator: torch.Generator) -> Particles:
     quaternion = torch.nn.functional.normalize(
         torch.tensor([1.0, 0, 0, 0]) + 0.3 * torch.randn(n, 4, generator=generator), dim=1
     )
-    cell = LATTICE.index(direction * 0.012, quaternion)
+    cell = GRID.index(direction * 0.012, quaternion)
     prototype = torch.randint(PROTOTYPES, (n,), generator=generator)
-    slice_ = prototype * 2 + torch.randint(2, (n,), generator=generator)
-    return Particles(slice_.int(), cell.int(), torch.rand(n, generator=generator) < 0.3)
+    partition = prototype * 2 + torch.randint(2, (n,), generator=generator)
+    return Particles(partition.int(), cell.int(), torch.rand(n, generator=generator) < 0.3)
 
 
 def loop_condense(particles: Particles, kernel_mm: float, kernel_deg: float, min_support: float) -> dict:
     """The definition in float64: for every populated point, all particles of its id and type, weighted."""
     points = {}
-    position, quaternion = (t.double() for t in LATTICE.centres(particles.cell))
+    position, quaternion = (t.double() for t in GRID.centres(particles.cell))
     for i in range(len(particles.cell)):
         key = (int(particles.prototype[i]), int(particles.grasp_type[i]), int(particles.cell[i]))
         if key in points:
@@ -70,16 +70,16 @@ def generator() -> torch.Generator:
 
 @pytest.fixture
 def kernel() -> Kernel:
-    return gaussian_kernel(LATTICE, 0.006, 30.0)
+    return gaussian_kernel(GRID, 0.006, 30.0)
 
 
 def test_condense_equals_the_loop(generator: torch.Generator, kernel: Kernel) -> None:
     particles = random_particles(300, generator)
-    condensed = condense([particles], PROTOTYPES, LATTICE, kernel, 2.0)
+    condensed = condense([particles], PROTOTYPES, GRID, kernel, 2.0)
     expected = loop_condense(particles, 0.006, 30.0, 2.0)
     found = {}
     for s, cell, p, n in zip(
-        condensed.slice_of_point(), condensed.cell, condensed.probability, condensed.support, strict=True
+        condensed.partition_of_point(), condensed.cell, condensed.probability, condensed.support, strict=True
     ):
         found[int(s) // 2, int(s) % 2, int(cell)] = (float(p), float(n))
     assert 20 < len(expected) < 300
@@ -91,48 +91,38 @@ def test_condense_equals_the_loop(generator: torch.Generator, kernel: Kernel) ->
 def test_order_of_particles_does_not_matter(generator: torch.Generator, kernel: Kernel) -> None:
     particles = random_particles(500, generator)
     order = torch.randperm(500, generator=generator)
-    shuffled = Particles(*(getattr(particles, n)[order] for n in ("slice", "cell", "success")))
-    a, b = (condense([p], PROTOTYPES, LATTICE, kernel, 1.0) for p in (particles, shuffled))
-    for name in ("slice_start", "cell", "probability", "support", "base_rate"):
+    shuffled = Particles(*(getattr(particles, n)[order] for n in ("partition", "cell", "success")))
+    a, b = (condense([p], PROTOTYPES, GRID, kernel, 1.0) for p in (particles, shuffled))
+    for name in ("partition_start", "cell", "probability", "support", "base_rate"):
         assert torch.equal(getattr(a, name), getattr(b, name))
 
 
 def test_four_particles_by_hand() -> None:
     """No smoothing: two cells of prototype 0, NPG. Cell a: 2 successes of 3; cell b: 1 particle, not significant."""
-    kernel = gaussian_kernel(LATTICE, 0.0, 0.0)
-    cell = LATTICE.index(torch.tensor([[0.0, 0, 0]] * 3 + [[0.02, 0, 0]]), torch.tensor([[1.0, 0, 0, 0]] * 4))
+    kernel = gaussian_kernel(GRID, 0.0, 0.0)
+    cell = GRID.index(torch.tensor([[0.0, 0, 0]] * 3 + [[0.02, 0, 0]]), torch.tensor([[1.0, 0, 0, 0]] * 4))
     particles = Particles(torch.zeros(4, dtype=torch.int32), cell.int(), torch.tensor([True, False, True, True]))
-    condensed = condense([particles], 1, LATTICE, kernel, min_support=2)
+    condensed = condense([particles], 1, GRID, kernel, min_support=2)
     assert condensed.cell.tolist() == [int(cell[0])]
     assert condensed.probability.tolist() == pytest.approx([2 / 3])
     assert condensed.support.tolist() == [3.0]
     assert condensed.base_rate.tolist() == pytest.approx([0.75, 0.0])
 
 
-def test_pairs_within_gives_relative_poses(generator: torch.Generator) -> None:
-    features, grasps = (se3.random_poses(40, generator) for _ in range(2))
-    pairs = pairs_within(features, grasps, reach=0.9)
-    expected = [(f, g) for f in range(40) for g in range(40) if (features[f, :3, 3] - grasps[g, :3, 3]).norm() <= 0.9]
-    assert list(zip(pairs.feature.tolist(), pairs.grasp.tolist(), strict=True)) == expected
-    T_feature_grasp = se3.inverse(features[pairs.feature]) @ grasps[pairs.grasp]
-    assert torch.allclose(se3.pose(pairs.position, pairs.quaternion), T_feature_grasp, atol=1e-5)
-
-
-def test_pairs_are_the_same_in_any_frame(generator: torch.Generator) -> None:
-    features, grasps = (se3.random_poses(30, generator) for _ in range(2))
-    moved = se3.random_poses(1, generator)
-    a, b = pairs_within(features, grasps, 0.8), pairs_within(moved @ features, moved @ grasps, 0.8)
-    assert torch.equal(a.feature, b.feature) and torch.allclose(a.position, b.position, atol=1e-5)
+def test_particles_without_outcomes_teach_nothing() -> None:
+    cell = torch.zeros(1, dtype=torch.int32)
+    with pytest.raises(ValueError, match="outcomes of trials"):
+        ShapeGraspSpace.of([[Particles(cell, cell)]], 1, GRID)
 
 
 def test_votes_equal_brute_force(generator: torch.Generator, kernel: Kernel) -> None:
-    condensed = condense([random_particles(400, generator)], PROTOTYPES, LATTICE, kernel, 2.0)
+    condensed = condense([random_particles(400, generator)], PROTOTYPES, GRID, kernel, 2.0)
     asked = random_particles(300, generator)
-    found = VotingIndex(condensed, LATTICE).find(asked.slice.long(), asked.cell.long())
-    keys = list(zip(condensed.slice_of_point().tolist(), condensed.cell.tolist(), strict=True))
+    found = VotingIndex(condensed, GRID).find(asked.partition.long(), asked.cell.long())
+    keys = list(zip(condensed.partition_of_point().tolist(), condensed.cell.tolist(), strict=True))
     expected = [
         keys.index(key) if key in keys else NO_POINT
-        for key in zip(asked.slice.tolist(), asked.cell.tolist(), strict=True)
+        for key in zip(asked.partition.tolist(), asked.cell.tolist(), strict=True)
     ]
     assert found.tolist() == expected
     assert NO_POINT in expected and max(expected) > 0
@@ -140,7 +130,7 @@ def test_votes_equal_brute_force(generator: torch.Generator, kernel: Kernel) -> 
 
 def split(particles: Particles, groups: int) -> list[Particles]:
     """The particles dealt out to groups in turn."""
-    names = ("slice", "cell", "success")
+    names = ("partition", "cell", "success")
     return [Particles(*(getattr(particles, name)[g::groups] for name in names)) for g in range(groups)]
 
 
@@ -148,10 +138,10 @@ def test_analysis_at_points_equals_the_condensed_space(generator: torch.Generato
     """Votes are the same whether the space is condensed first or analysed where the votes fall."""
     particles, asked = random_particles(400, generator), random_particles(300, generator)
     grasp = torch.randint(50, (300,), generator=generator)
-    condensed = condense([particles], PROTOTYPES, LATTICE, kernel, 2.0)
-    expected = cast_votes(VotingIndex(condensed, LATTICE), asked, grasp)
-    space = ShapeGraspSpace.of([split(particles, 3)[:2], split(particles, 3)[2:]], PROTOTYPES, LATTICE)
-    counts = analyse(space, asked, torch.full((300,), 2), LATTICE, kernel)
+    condensed = condense([particles], PROTOTYPES, GRID, kernel, 2.0)
+    expected = cast_votes(VotingIndex(condensed, GRID), asked, grasp)
+    space = ShapeGraspSpace.of([split(particles, 3)[:2], split(particles, 3)[2:]], PROTOTYPES, GRID)
+    counts = analyse(space, asked, torch.full((300,), 2), GRID, kernel)
     votes = counted_votes(counts, asked, grasp, 2.0)
     assert 20 < len(votes.grasp) < 300
     for name in ("grasp", "prototype", "probability", "support"):
@@ -162,39 +152,39 @@ def test_analysis_at_points_equals_the_condensed_space(generator: torch.Generato
 def test_leaving_a_group_out_equals_learning_without_it(group: int, generator: torch.Generator, kernel: Kernel) -> None:
     particles, asked = random_particles(300, generator), random_particles(200, generator)
     parts = split(particles, 3)
-    space = ShapeGraspSpace.of([[part] for part in parts], PROTOTYPES, LATTICE)
-    without = torch.where(torch.arange(200) < 150, group, 3)  # the last quarter asks everyone
-    left_out = analyse(space, asked, without, LATTICE, kernel)
-    others = ShapeGraspSpace.of([[part for i, part in enumerate(parts) if i != group]], PROTOTYPES, LATTICE)
-    expected = analyse(others, asked, torch.full((200,), 1), LATTICE, kernel)
-    everyone = analyse(space, asked, torch.full((200,), 3), LATTICE, kernel)
-    for name in ("successes", "particles", "here"):
+    space = ShapeGraspSpace.of([[part] for part in parts], PROTOTYPES, GRID)
+    excluded = torch.where(torch.arange(200) < 150, group, 3)  # the last quarter asks everyone
+    left_out = analyse(space, asked, excluded, GRID, kernel)
+    others = ShapeGraspSpace.of([[part for i, part in enumerate(parts) if i != group]], PROTOTYPES, GRID)
+    expected = analyse(others, asked, torch.full((200,), 1), GRID, kernel)
+    everyone = analyse(space, asked, torch.full((200,), 3), GRID, kernel)
+    for name in ("successes", "particles", "own_count"):
         assert torch.equal(getattr(left_out, name)[:150], getattr(expected, name)[:150])
         assert torch.equal(getattr(left_out, name)[150:], getattr(everyone, name)[150:])
         assert not torch.equal(getattr(expected, name), getattr(everyone, name))
 
 
 def test_analysis_of_nothing() -> None:
-    kernel = gaussian_kernel(LATTICE, 0.0, 0.0)
+    kernel = gaussian_kernel(GRID, 0.0, 0.0)
     none = torch.zeros(0, dtype=torch.int32)
-    space = ShapeGraspSpace.of([[Particles(none, none, none.bool())]], 1, LATTICE)
+    space = ShapeGraspSpace.of([[Particles(none, none, none.bool())]], 1, GRID)
     one = torch.ones(1, dtype=torch.int32)
-    counts = analyse(space, Points(one, one), one.long(), LATTICE, kernel)
-    assert [float(t) for t in (counts.successes, counts.particles, counts.here)] == [0, 0, 0]
-    assert len(counted_votes(counts, Points(one, one), one.long(), 0.0).grasp) == 0
+    counts = analyse(space, Particles(one, one), one.long(), GRID, kernel)
+    assert [float(t) for t in (counts.successes, counts.particles, counts.own_count)] == [0, 0, 0]
+    assert len(counted_votes(counts, Particles(one, one), one.long(), 0.0).grasp) == 0
 
 
 @pytest.mark.parametrize("kernel_mm", [0.0, 0.006, 0.01])
 def test_analysis_equals_the_loop(kernel_mm: float, generator: torch.Generator) -> None:
     """At points asked of all, and of all but one group, many of them more than once and some of nobody."""
-    kernel = gaussian_kernel(LATTICE, kernel_mm, 40.0)
+    kernel = gaussian_kernel(GRID, kernel_mm, 40.0)
     particles, asked = random_particles(250, generator), random_particles(200, generator)
-    without, group = torch.randint(3, (200,), generator=generator), torch.arange(250) % 2
-    space = ShapeGraspSpace.of([[part] for part in split(particles, 2)], PROTOTYPES, LATTICE)
-    found = torch.stack(list(vars(analyse(space, asked, without, LATTICE, kernel)).values()), dim=1)
+    excluded, group = torch.randint(3, (200,), generator=generator), torch.arange(250) % 2
+    space = ShapeGraspSpace.of([[part] for part in split(particles, 2)], PROTOTYPES, GRID)
+    found = torch.stack(list(vars(analyse(space, asked, excluded, GRID, kernel)).values()), dim=1)
     expected = torch.zeros(200, 3)
     for q in range(200):
-        teaching = (particles.slice == asked.slice[q]) & (group != without[q])
+        teaching = (particles.partition == asked.partition[q]) & (group != excluded[q])
         expected[q, 2] = (teaching & (particles.cell == asked.cell[q])).sum()
         if expected[q, 2] > 0:
             for i in teaching.nonzero()[:, 0].tolist():
@@ -206,51 +196,51 @@ def test_analysis_equals_the_loop(kernel_mm: float, generator: torch.Generator) 
 
 def weight_between(kernel: Kernel, cell: int, other: int) -> float:
     """By the kernel's own lists."""
-    turns, r = kernel.turn[cell // LATTICE.voxels].tolist(), other // LATTICE.voxels
-    shift = other % LATTICE.voxels - cell % LATTICE.voxels
+    turns, r = kernel.turn[cell // GRID.voxels].tolist(), other // GRID.voxels
+    shift = other % GRID.voxels - cell % GRID.voxels
     if r not in turns or shift not in kernel.offset.tolist():
         return 0.0
-    turned = kernel.turn_weight[cell // LATTICE.voxels, turns.index(r)]
+    turned = kernel.turn_weight[cell // GRID.voxels, turns.index(r)]
     return float(kernel.weight[kernel.offset.tolist().index(shift)]) * float(turned)
 
 
 def test_two_threads_find_the_same(generator: torch.Generator, kernel: Kernel) -> None:
     particles, asked = random_particles(3000, generator), random_particles(2000, generator)
-    without = torch.randint(4, (2000,), generator=generator)
+    excluded = torch.randint(4, (2000,), generator=generator)
     found = []
     for count in (1, 2):
         threads = torch.get_num_threads()
         torch.set_num_threads(count)
-        space = ShapeGraspSpace.of([[part] for part in split(particles, 3)], PROTOTYPES, LATTICE)
-        counts = analyse(space, asked, without, LATTICE, kernel)
-        condensed = condense(split(particles, 3), PROTOTYPES, LATTICE, kernel, 2.0)
+        space = ShapeGraspSpace.of([[part] for part in split(particles, 3)], PROTOTYPES, GRID)
+        counts = analyse(space, asked, excluded, GRID, kernel)
+        condensed = condense(split(particles, 3), PROTOTYPES, GRID, kernel, 2.0)
         torch.set_num_threads(threads)
         found.append([*vars(counts).values(), *vars(condensed).values()])
     assert all(torch.equal(a, b) for a, b in zip(*found, strict=True)) and len(found[0]) == 8
 
 
 def test_keys_of_64_bits(generator: torch.Generator, kernel: Kernel) -> None:
-    """Finer lattices and more groups need them; what is found is the same."""
+    """Finer grids and more groups need them; what is found is the same."""
     particles, asked = random_particles(300, generator), random_particles(200, generator)
-    space = ShapeGraspSpace.of([[part] for part in split(particles, 3)], PROTOTYPES, LATTICE)
+    space = ShapeGraspSpace.of([[part] for part in split(particles, 3)], PROTOTYPES, GRID)
     wide = replace(space, particles=space.particles._replace(key=space.particles.key.long()))
     assert space.particles.key.dtype == torch.int32
-    without = torch.arange(200) % 4
-    found, same = (analyse(each, asked, without, LATTICE, kernel) for each in (space, wide))
+    excluded = torch.arange(200) % 4
+    found, same = (analyse(each, asked, excluded, GRID, kernel) for each in (space, wide))
     assert all(torch.equal(a, b) for a, b in zip(vars(found).values(), vars(same).values(), strict=True))
 
 
 def test_counts_split_in_order() -> None:
     row = torch.arange(5.0)
     parts = Counts(row, row + 10, row + 20).split([2, 3])
-    assert parts[1].particles.tolist() == [12, 13, 14] and parts[0].here.tolist() == [20, 21]
+    assert parts[1].particles.tolist() == [12, 13, 14] and parts[0].own_count.tolist() == [20, 21]
 
 
 def test_an_empty_model_supports_nothing() -> None:
     empty = torch.zeros(0)
     condensed = Condensed(torch.zeros(7, dtype=torch.long), empty.long(), empty, empty, torch.zeros(2))
     one = torch.zeros(1, dtype=torch.int32)
-    assert len(cast_votes(VotingIndex(condensed, LATTICE), Points(one, one), one.long()).grasp) == 0
+    assert len(cast_votes(VotingIndex(condensed, GRID), Particles(one, one), one.long()).grasp) == 0
 
 
 ROOMS = {"sensing": SensingConfig, "features": FeatureConfig, "prototypes": PrototypeConfig, "hand": HandConfig}
@@ -283,9 +273,9 @@ def test_pairs_of_some_grasps(generator: torch.Generator) -> None:
 def test_model_round_trip(model: affordance.GraspModel, tmp_path) -> None:
     affordance.save_model(model, tmp_path)
     back = affordance.load_model(tmp_path)
-    assert back.lattice == model.lattice and torch.equal(back.centres, model.centres)
+    assert back.grid == model.grid and torch.equal(back.centres, model.centres)
     assert torch.equal(back.calibration.weights, model.calibration.weights)
-    for name in ("slice_start", "cell", "probability", "support", "base_rate"):
+    for name in ("partition_start", "cell", "probability", "support", "base_rate"):
         assert torch.equal(getattr(back.condensed, name), getattr(model.condensed, name))
 
 
@@ -321,7 +311,7 @@ def test_tensors_that_do_not_belong_together_are_refused(model, tmp_path) -> Non
 def test_cells_out_of_order_are_refused(model, tmp_path) -> None:
     shuffled = replace(model, condensed=replace(model.condensed, cell=model.condensed.cell.flip(0)))
     affordance.save_model(shuffled, tmp_path)
-    with pytest.raises(InputError, match="expected cells to rise within a slice"):
+    with pytest.raises(InputError, match="expected cells to rise within a partition"):
         affordance.load_model(tmp_path)
 
 
@@ -335,4 +325,4 @@ def test_a_model_cut_in_half_is_refused(model, tmp_path) -> None:
 
 def test_a_lattice_too_fine_for_memory_is_refused() -> None:
     with pytest.raises(InputError, match=r"affordance: expected reach, voxel and rotation_deg .* got [\d,]+$"):
-        lattice_of(settings(AffordanceConfig, voxel=0.002))
+        grid_of(settings(AffordanceConfig, voxel=0.002))

@@ -7,7 +7,7 @@ import torch
 
 from spgf_torch.affordance.calibration import Calibration, fit_calibration, uncalibrated
 from spgf_torch.affordance.config import RANKINGS, AffordanceConfig
-from spgf_torch.affordance.ranking import UNSUPPORTED, Judged, judge, rankings
+from spgf_torch.affordance.ranking import UNSUPPORTED, GraspScores, score_grasps
 from spgf_torch.affordance.voting import Votes
 from spgf_torch.settings import settings
 
@@ -16,11 +16,11 @@ BASE = torch.tensor([0.1, 0.5])
 NO_COLLISION = torch.zeros(3, dtype=torch.bool)
 
 
-def hand_made(collides: torch.Tensor = NO_COLLISION) -> Judged:
+def hand_made(collides: torch.Tensor = NO_COLLISION) -> GraspScores:
     """P = 0.8 (support 30) and P = 0.1 (support 10): both vote on grasp 0 (NPG), the first on 1 (WPG), none on 2."""
     zero = torch.zeros(3, dtype=torch.long)
     votes = Votes(torch.tensor([0, 0, 1]), zero, torch.tensor([0.8, 0.1, 0.8]), torch.tensor([30.0, 10.0, 30.0]))
-    return judge(votes, BASE, torch.tensor([0, 1, 1]), collides, SHRUNK)
+    return score_grasps(votes, BASE, torch.tensor([0, 1, 1]), collides, SHRUNK)
 
 
 def logit(p: float) -> float:
@@ -28,9 +28,10 @@ def logit(p: float) -> float:
 
 
 def test_paper_ranking_by_hand() -> None:
-    judged = hand_made()
-    assert judged.paper.tolist() == pytest.approx([0.9 / 4, 0.8 / 3, UNSUPPORTED])
-    assert judged.probability.tolist() == pytest.approx([0.45, 0.8, 0.5]) and judged.votes.tolist() == [2, 1, 0]
+    scores = hand_made()
+    assert scores.by_ranking["paper"].tolist() == pytest.approx([0.9 / 4, 0.8 / 3, UNSUPPORTED])
+    assert scores.probability_before.tolist() == pytest.approx([0.45, 0.8, 0.5]) and scores.votes.tolist() == [2, 1, 0]
+    assert torch.equal(scores.probability, scores.probability_before)
 
 
 def test_log_odds_ranking_by_hand() -> None:
@@ -40,11 +41,21 @@ def test_log_odds_ranking_by_hand() -> None:
 
 
 def test_sensed_collisions_come_last_but_before_no_support() -> None:
-    scores = rankings(hand_made(torch.tensor([True, False, False])), uncalibrated(BASE))
+    scores = hand_made(torch.tensor([True, False, False])).calibrated(uncalibrated(BASE)).by_ranking
     assert tuple(scores) == RANKINGS
     assert scores["log_odds_free"].argsort(descending=True).tolist() == [1, 0, 2]
     assert scores["log_odds"].argsort(descending=True).tolist() == [0, 1, 2]
     assert scores["calibrated"][2] == UNSUPPORTED
+
+
+def test_the_chosen_ranking_and_others_join() -> None:
+    """The chosen one under the name `nested`, in this order: it is that of the columns of per_object.csv."""
+    scores = (
+        hand_made().calibrated(uncalibrated(BASE)).with_chosen("paper").joined_by("judge", torch.tensor([1.0, 2, 3]))
+    )
+    assert tuple(scores.by_ranking) == (*RANKINGS, "nested", "judge") and scores.chosen == "paper"
+    assert torch.equal(scores.by_ranking["nested"], scores.by_ranking["paper"])
+    assert scores.by_ranking["judge"].tolist() == [1, 2, 3]
 
 
 def test_uncalibrated_takes_the_score_at_its_word() -> None:

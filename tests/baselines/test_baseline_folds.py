@@ -4,7 +4,6 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,23 +12,23 @@ from tiny import RADIUS, TRIALS, config, tiny
 
 from spgf_torch.baselines import fit as fitting
 from spgf_torch.baselines.costs import costs
-from spgf_torch.baselines.data import Data, origin_of, taught_rows
+from spgf_torch.baselines.data import Data, provenance_of, taught_rows
 from spgf_torch.baselines.folds import (
     JUDGED,
     MODEL,
     calibrated,
     inner_split,
-    novel_objects,
+    predictions_of,
     run_fold,
     run_folds,
     scores,
 )
-from spgf_torch.baselines.module import GraspJudge
+from spgf_torch.baselines.module import GraspClassifier
 from spgf_torch.baselines.work import claimed, hand_over
 from spgf_torch.errors import InputError
-from spgf_torch.experiment.training_set import Example
+from spgf_torch.experiment.described_object import sample_of_each_type
 from spgf_torch.extras import installed
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 
 
 def nothing() -> None:
@@ -45,22 +44,22 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Data:
 def done(data: Data, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Both folds, long enough to learn what the clouds tell."""
     work = tmp_path_factory.mktemp("work")
-    run_folds(data, config(epochs=8, patience=8, grasps_per_epoch=256), work, "origin", Stages())
+    run_folds(data, config(epochs=8, patience=8, grasps_per_epoch=256), work, "origin", ProgressReporter())
     return work
 
 
 def test_it_learns_what_the_clouds_tell(data: Data, done: Path) -> None:
-    judged = run_folds(data, config(epochs=8, patience=8, grasps_per_epoch=256), done, "origin", Stages())
-    novel = novel_objects(data, judged, 5)
+    logits = run_folds(data, config(epochs=8, patience=8, grasps_per_epoch=256), done, "origin", ProgressReporter())
+    novel = predictions_of(data, logits, 5)
     assert [o.name for o in novel] == [o.name for o in data.objects]
     for found, fold in zip(novel, data.fold.tolist(), strict=True):
         assert found.fold == fold and set(found.scores) == {"calibrated", "log_odds", "log_odds_free", "nested"}
         best = np.argsort(-found.scores["calibrated"])[:5]
         assert found.success[best].all() and len(found.pose) == TRIALS
         assert found.probability.min() >= 0 and found.probability.max() <= 1
-    spent = costs(data, judged, config(), done, 1.0)
+    spent = costs(data, logits, config(), done, 1.0)
     assert spent["model_bytes"] == (done / "fold0" / MODEL).stat().st_size and spent["prediction_ms"] > 0
-    assert spent["training_s"] == pytest.approx(1.0 + sum(each.seconds for each in judged.values()))
+    assert spent["training_s"] == pytest.approx(1.0 + sum(each.seconds for each in logits.values()))
 
 
 def test_what_is_left(done: Path) -> None:
@@ -97,7 +96,7 @@ def test_a_killed_fold_goes_on_as_if_nothing_had_happened(
         run_fold(data, config(), 0, tmp_path / "cut", "origin", nothing)
     assert not (tmp_path / "cut" / MODEL).exists() and (tmp_path / "cut" / fitting.LAST).exists()
     epochs = []
-    monkeypatch.setattr(GraspJudge, "on_train_epoch_end", lambda self: epochs.append(self.current_epoch))
+    monkeypatch.setattr(GraspClassifier, "on_train_epoch_end", lambda self: epochs.append(self.current_epoch))
     again = run_fold(data, config(), 0, tmp_path / "cut", "origin", nothing)
     assert epochs == list(range(epoch, 4))
     with (tmp_path / "cut/logs/csv/metrics.csv").open() as file:
@@ -152,7 +151,7 @@ def test_it_stops_early(data: Data, tmp_path: Path) -> None:
 
 def test_a_network_that_diverges_is_refused(data: Data, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bad = torch.tensor([torch.nan])
-    monkeypatch.setattr("spgf_torch.baselines.folds.judge", lambda *_: bad)
+    monkeypatch.setattr("spgf_torch.baselines.folds.grasp_logits", lambda *_: bad)
     with pytest.raises(InputError, match=r"learning\.rate: .* got 0\.01"):
         run_fold(data, config(epochs=1), 0, tmp_path / "fold", "origin", nothing)
 
@@ -167,29 +166,28 @@ def test_nothing_of_the_fold_teaches(data: Data) -> None:
 
 
 def test_fewer_trials_are_those_that_train_takes(data: Data) -> None:
-    rows = taught_rows(data.tried, data.samples.start, 7, 3)
+    rows = taught_rows(data.tables, data.samples.start, 7, 3)
     generator = torch.Generator().manual_seed(3)
-    for own, first, tried in zip(rows, data.samples.start, data.tried, strict=False):
-        example = Example(SimpleNamespace(grasp_type=tried.grasps.grasp_type), tried.success)  # type: ignore[arg-type]
-        assert torch.equal(own - first, example.sample_of_each_type(7, generator))
-        assert torch.bincount(tried.grasps.grasp_type[own - first]).tolist() == [7, 7]
+    for own, first, table in zip(rows, data.samples.start, data.tables, strict=False):
+        assert torch.equal(own - first, sample_of_each_type(table.grasp_type, 7, generator))
+        assert torch.bincount(table.grasp_type[own - first]).tolist() == [7, 7]
 
 
 def test_rankings_by_hand(data: Data, done: Path) -> None:
-    judged = run_folds(data, config(), done, "origin", Stages())
-    calibration, chosen = calibrated(data, judged[0], 5)
+    logits = run_folds(data, config(), done, "origin", ProgressReporter())
+    calibration, chosen = calibrated(data, logits[0], 5)
     logit, kind = torch.tensor([0.0, 2.0, 1.0]), torch.tensor([0, 0, 1])
     ranked = scores(logit, kind, torch.tensor([False, True, False]), calibration)
     assert torch.equal(ranked["log_odds"], logit) and ranked["log_odds_free"].argsort().tolist() == [1, 0, 2]
     assert chosen in ranked and ((ranked["calibrated"] > 0) & (ranked["calibrated"] < 1)).all()
 
 
-def test_the_origin_names_all_that_counts(data: Data) -> None:
-    first = origin_of(data, config())
-    assert first == origin_of(data, replace(config(), N=7, bootstrap=100))  # judged from the same networks
+def test_the_provenance_names_all_that_counts(data: Data) -> None:
+    first = provenance_of(data, config())
+    assert first == provenance_of(data, replace(config(), N=7, bootstrap=100))  # scored by the same networks
     changed = replace(data.samples, cloud=data.samples.cloud + 0.001)
-    others = [origin_of(data, config(rate=0.02)), origin_of(replace(data, samples=changed), config())]
-    others.append(origin_of(data, replace(config(), seed=1)))
+    others = [provenance_of(data, config(rate=0.02)), provenance_of(replace(data, samples=changed), config())]
+    others.append(provenance_of(data, replace(config(), seed=1)))
     assert len({first, *others}) == 4
 
 
@@ -211,10 +209,10 @@ def test_work_is_claimed_and_handed_over(tmp_path: Path, capsys: pytest.CaptureF
 def test_samples_are_the_trials(data: Data) -> None:
     known = data.samples
     assert known.cloud.dtype == torch.float16 and known.radius == RADIUS and known.start[-1] == len(known.success)
-    for i, tried in enumerate(data.tried):
+    for i, table in enumerate(data.tables):
         rows = known.rows([i])
         kind, collides, success = data.of(i, rows)
-        assert torch.equal(success, tried.success) and torch.equal(known.success[rows], success)
+        assert torch.equal(success, table.success) and torch.equal(known.success[rows], success)
         assert torch.equal(known.grasp_type[rows], kind) and len(collides) == TRIALS
         farthest = known.cloud[rows].float().norm(dim=2).amax(1)
         torch.testing.assert_close(farthest, torch.where(success, 0.08, 0.02), atol=1e-4, rtol=0)

@@ -7,7 +7,7 @@ import torch
 from tiny import AUGMENT, NETWORK, RADIUS
 
 from spgf_torch.baselines.config import AugmentConfig, NetworkConfig, check_network
-from spgf_torch.baselines.pointnet import PointNet, augmented, balance, balanced_loss, fourier, judge
+from spgf_torch.baselines.pointnet import PointNet, augmented, balance, balanced_loss, fourier, grasp_logits
 from spgf_torch.errors import InputError
 
 STILL = AugmentConfig(points=100, mirror=False, rotation_deg=0.0, shift=0.0, jitter=0.0)
@@ -70,7 +70,7 @@ def test_waves_by_hand() -> None:
 def test_in_parts_is_at_once(network: PointNet, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("spgf_torch.baselines.pointnet.CHUNK", 3)
     kinds, points = torch.tensor([0, 1, 1, 0, 1, 0, 0]), cloud()
-    torch.testing.assert_close(judge(network, points.half(), kinds), network(points.half().float(), kinds))
+    torch.testing.assert_close(grasp_logits(network, points.half(), kinds), network(points.half().float(), kinds))
 
 
 def test_every_type_and_outcome_weighs_the_same() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import torch
 import trimesh
+from trial_tables import trial_table
 
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.sensed_collision import hand_volume
@@ -13,8 +14,7 @@ from spgf_torch.baselines.config import AugmentConfig, BaselineConfig, LearningC
 from spgf_torch.baselines.data import Data, taught_rows
 from spgf_torch.baselines.samples import load_samples
 from spgf_torch.evaluation.folds import stratified_folds
-from spgf_torch.experiment.describe import Description, Grasps
-from spgf_torch.experiment.labelled_grasps import Tried
+from spgf_torch.experiment.describe import Describer
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.formats import tar
 from spgf_torch.formats.samples import shard_name
@@ -23,6 +23,7 @@ from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings
+from spgf_torch.simulation.table import TrialTable
 
 CLASSES = ("boxes", "boxes", "boxes", "curved", "curved", "curved")
 TRIALS, POINTS, RADIUS, FOLDS = 40, 12, 0.1, 2
@@ -71,21 +72,21 @@ def tiny(folder: Path, trials_per_object: int = 1000) -> Data:
     rng, things = np.random.default_rng(0), objects()
     fold = stratified_folds(CLASSES, FOLDS, 0)
     grasp_type = torch.arange(2).repeat_interleave(TRIALS // 2)
-    tried, all_clouds = [], []
+    tables, all_clouds = [], []
     for i in range(len(things)):
         held = rng.random(TRIALS) < np.where(grasp_type.numpy() == 0, 0.2, 0.5)
         poses = se3.random_poses(TRIALS, torch.Generator().manual_seed(i), extent=0.1)
-        tried.append(Tried(Grasps(poses, grasp_type), torch.from_numpy(np.where(held, 0, 3))))
+        tables.append(trial_table(poses, grasp_type, torch.from_numpy(np.where(held, 0, 3))))
         all_clouds.append(clouds(held, rng))
     for f in range(FOLDS):
-        write_shards(folder, f, [i for i in range(len(things)) if fold[i] == f], things, tried, all_clouds)
+        write_shards(folder, f, [i for i in range(len(things)) if fold[i] == f], things, tables, all_clouds)
     shards = sorted(folder.glob("*.tar"))
-    samples = load_samples(shards, RADIUS, things, tried, fold, lambda done: None)
+    samples = load_samples(shards, RADIUS, things, tables, fold, lambda done: None)
     sensing = settings(SensingConfig, width=160, height=120, focal=144)
-    describe = Description(sensing, settings(FeatureConfig), settings(AffordanceConfig), VOLUMES, 0)
+    describer = Describer(sensing, settings(FeatureConfig), settings(AffordanceConfig), VOLUMES, 0)
     collides = [torch.zeros(TRIALS, dtype=torch.bool) for _ in things]
-    taught = taught_rows(tried, samples.start, trials_per_object, 0)
-    return Data(things, tried, fold, collides, samples, taught, describe)
+    taught = taught_rows(tables, samples.start, trials_per_object, 0)
+    return Data(things, tables, fold, collides, samples, taught, describer)
 
 
 def write_shards(
@@ -93,7 +94,7 @@ def write_shards(
     fold: int,
     members: list[int],
     things: list[GraspObject],
-    tried: list[Tried],
+    tables: list[TrialTable],
     all_clouds: list[np.ndarray],
 ) -> None:
     """The samples of a fold in two shards, in random order, as `datasets.samples` writes them."""
@@ -103,7 +104,7 @@ def write_shards(
     for number, half in enumerate(np.array_split(order, 2)):
         with tar.written(folder / shard_name(fold, number)) as shard:
             for i, row in (pairs[at] for at in half):
-                held, kind = bool(tried[i].success[row]), GRASP_TYPES[int(tried[i].grasps.grasp_type[row])]
+                held, kind = bool(tables[i].success[row]), GRASP_TYPES[int(tables[i].grasp_type[row])]
                 about = {"type": kind, "label": int(held), "outcome": "success" if held else "missed"}
                 about |= {"object": things[i].name, "class": things[i].category, "fold": fold, "index": row}
                 buffer = folder / "buffer.npy"

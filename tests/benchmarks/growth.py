@@ -26,10 +26,10 @@ from spgf_torch.hands.hand import load_hand
 from spgf_torch.paths import root
 from spgf_torch.prototypes.kmeans import assign, kmeans_plusplus, lloyd
 from spgf_torch.settings import settings
-from spgf_torch.simulation.attempts import Trials
 from spgf_torch.simulation.config import EpisodeConfig
 from spgf_torch.simulation.execute import execute
 from spgf_torch.simulation.table import read_table
+from spgf_torch.simulation.worker import Trials
 
 POINTS, OBJECTS, PARTICLES = (2_000, 8_000, 32_000), (2, 4, 8), (100_000, 400_000, 1_600_000)
 TRIED = 150  # candidates of each of four objects

@@ -26,7 +26,7 @@ from spgf_torch.judging.clouds import Cloud, seen_as
 from spgf_torch.objects.config import CollisionConfig
 from spgf_torch.objects.folders import read_objects
 from spgf_torch.paths import find
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.hypotheses import Search
@@ -67,7 +67,7 @@ def main() -> None:
         objects="data/objects", unit="auto", category="manifest", skip_bad=False, workers=1, hand=hand,
         collision=settings(CollisionConfig),
     )  # fmt: skip
-    objects = read_objects(folder, Stages()).objects[:: int(given.get("every", "5"))]
+    objects = read_objects(folder, ProgressReporter()).objects[:: int(given.get("every", "5"))]
     on_table = given.get("place", "table") == "table"
     report = Report("judging", f"{hand.name}, {len(objects)} objects, {'on a table' if on_table else 'alone'}.")
     for views in (1, 4):

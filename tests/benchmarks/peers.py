@@ -38,7 +38,7 @@ from spgf_torch.objects.config import CollisionConfig
 from spgf_torch.objects.folders import read_objects
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.judge import load_judge
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings
@@ -156,7 +156,7 @@ def compare(given: dict[str, str]) -> None:
         objects=given["objects"], unit="auto", category="manifest", skip_bad=False, workers=2, hand=who.hand,
         collision=settings(CollisionConfig),
     )  # fmt: skip
-    objects = read_objects(config, Stages()).objects
+    objects = read_objects(config, ProgressReporter()).objects
     known = sum(obj.digest in set(judge.taught.values()) for obj in objects)
     hand, place, seeds = who.hand.name, given["place"], list(map(int, given["seeds"].split(",")))
     report.about = (

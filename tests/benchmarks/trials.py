@@ -36,12 +36,12 @@ from spgf_torch.hands.hand import Hand, load_hand
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import root
 from spgf_torch.settings import settings, typed
-from spgf_torch.simulation.attempts import Trials
 from spgf_torch.simulation.candidates import sample_candidates
 from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig
 from spgf_torch.simulation.episode import CHECK_STEPS, DIRECTIONS, Simulator
 from spgf_torch.simulation.execute import execute
 from spgf_torch.simulation.precheck import PreCheck
+from spgf_torch.simulation.worker import Trials
 
 Requests = list[tuple[GraspObject, str, Tensor]]
 

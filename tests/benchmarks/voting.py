@@ -24,12 +24,12 @@ from torch import Tensor
 
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import learn, vote
-from spgf_torch.affordance.pairs import CellPairs, cell_pairs, lattice_of, points_of
-from spgf_torch.affordance.particles import pairs_within
-from spgf_torch.affordance.ranking import judge
+from spgf_torch.affordance.pairs import CellPairs, cell_pairs, grid_of, shape_grasp_particles
+from spgf_torch.affordance.ranking import score_grasps
 from spgf_torch.affordance.voting import VotingIndex
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import spgf
+from spgf_torch.geometry import se3
 from spgf_torch.paths import root
 from spgf_torch.prototypes.kmeans import assign, kmeans_plusplus, lloyd
 from spgf_torch.settings import settings
@@ -69,11 +69,11 @@ def particles(centres: Tensor, wanted: int, generator: torch.Generator) -> list[
     return found
 
 
-def brute_force(asked: tuple[Tensor, Tensor], slices: Tensor, held: list[tuple[Tensor, ...]]) -> Tensor:
-    """(P, 2) successes and particles around each pair: all particles of its slice, weighted by the kernel."""
-    found, sigma = torch.zeros(len(slices), 2), math.radians(CONFIG.kernel_deg)
-    for i, slice_ in enumerate(slices.tolist()):
-        position, quaternion, success = held[slice_]
+def brute_force(asked: tuple[Tensor, Tensor], partitions: Tensor, held: list[tuple[Tensor, ...]]) -> Tensor:
+    """(P, 2) successes and particles around each pair: all particles of its partition, weighted by the kernel."""
+    found, sigma = torch.zeros(len(partitions), 2), math.radians(CONFIG.kernel_deg)
+    for i, partition in enumerate(partitions.tolist()):
+        position, quaternion, success = held[partition]
         apart = (position - asked[0][i]).square().sum(1)
         angle = 2 * torch.acos((quaternion @ asked[1][i]).abs().clamp_(max=1))
         weight = torch.exp(-apart / (2 * CONFIG.kernel**2) - angle.square() / (2 * sigma**2))
@@ -95,7 +95,7 @@ class Question:
         grasp_type = self.grasp_type.to(device)
         pairs = cell_pairs(self.T.to(device), self.T_grasp.to(device), grasp_type, CONFIG)
         votes, free = vote(index, pairs, self.ids.to(device)), torch.zeros_like(grasp_type, dtype=torch.bool)
-        return judge(votes, index.condensed.base_rate, grasp_type, free, CONFIG).log_odds
+        return score_grasps(votes, index.condensed.base_rate, grasp_type, free, CONFIG).log_odds
 
 
 def question(centres: Tensor) -> Question:
@@ -106,13 +106,13 @@ def question(centres: Tensor) -> Question:
     return Question(T[rows], assign(relations[rows], centres), T_grasp[:CANDIDATES], grasp_type[:CANDIDATES])
 
 
-def by_slice(examples: list[tuple[CellPairs, Tensor, Tensor]]) -> list[tuple[Tensor, ...]]:
+def by_partition(examples: list[tuple[CellPairs, Tensor, Tensor]]) -> list[tuple[Tensor, ...]]:
     """Position, quaternion and success of the particles of each prototype and type."""
-    parts = [points_of(pairs, ids) for pairs, ids, _ in examples]
-    position, quaternion = lattice_of(CONFIG).centres(torch.cat([part.cell for part in parts]).long())
+    parts = [shape_grasp_particles(pairs, ids) for pairs, ids, _ in examples]
+    position, quaternion = grid_of(CONFIG).centres(torch.cat([part.cell for part in parts]).long())
     success = torch.cat([success[pairs.grasp.long()] for pairs, _, success in examples]).float()
-    slices = torch.cat([part.slice for part in parts])
-    return [tuple(c[slices == s].contiguous() for c in (position, quaternion, success)) for s in range(2 * K)]
+    partitions = torch.cat([part.partition for part in parts])
+    return [tuple(c[partitions == s].contiguous() for c in (position, quaternion, success)) for s in range(2 * K)]
 
 
 def compare(report: Report, size: int, asked: Question, centres: Tensor, devices: list[str]) -> None:
@@ -121,20 +121,24 @@ def compare(report: Report, size: int, asked: Question, centres: Tensor, devices
     methods = {"condense": partial(learn, examples, centres, CONFIG)}
     for device in devices:
         there = [(on(pairs, device), ids.to(device), success.to(device)) for pairs, ids, success in examples]
-        index = VotingIndex(learn(there, centres.to(device), CONFIG).condensed, lattice_of(CONFIG))
+        index = VotingIndex(learn(there, centres.to(device), CONFIG).condensed, grid_of(CONFIG))
         methods[device] = partial(asked.answered, index, device)
-    within = pairs_within(asked.T, asked.T_grasp, CONFIG.reach)
-    chosen = torch.randperm(len(within.feature), generator=generator)[:SAMPLE]
-    slices = asked.ids[within.feature[chosen]] * 2 + asked.grasp_type[within.grasp[chosen]]
-    poses = (within.position[chosen], within.quaternion[chosen])
-    methods["brute force"] = partial(brute_force, poses, slices, by_slice(examples))
+    distance = torch.cdist(se3.position_of(asked.T), se3.position_of(asked.T_grasp))
+    within = (distance <= CONFIG.reach).nonzero()
+    feature, grasp = within[torch.randperm(len(within), generator=generator)[:SAMPLE]].unbind(1)
+    partitions, T = (
+        asked.ids[feature] * 2 + asked.grasp_type[grasp],
+        se3.inverse(asked.T[feature]) @ asked.T_grasp[grasp],
+    )
+    poses = (se3.position_of(T), se3.quaternion_of(T))
+    methods["brute force"] = partial(brute_force, poses, partitions, by_partition(examples))
     with threads(2):
         seconds = take_turns(methods, rounds=3)
         busy = processor(methods["cpu"])
-    seconds["brute force"] *= len(within.feature) / SAMPLE
+    seconds["brute force"] *= len(within) / SAMPLE
     times = seconds["brute force"] / seconds["cpu"]
     words = {f"seconds_{name.replace(' ', '_')}": value for name, value in seconds.items()}
-    report.row(particles=size, pairs_within_reach=len(within.feature), **words, seconds_of_processor=busy, ratio=times)
+    report.row(particles=size, pairs_within_reach=len(within), **words, seconds_of_processor=busy, ratio=times)
     report.figure(
         f"voting, {FEATURES} features x {CANDIDATES} candidates x {size:,} particles, 2 threads",
         {100_000: "<= 1 s", 1_000_000: "<= 5 s, >= 50x"}.get(size, ""),

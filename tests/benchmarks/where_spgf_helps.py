@@ -31,7 +31,7 @@ from torch import Tensor
 from spgf_torch.evaluation.folds import stratified_order
 from spgf_torch.judging.learning import fit, weights
 from spgf_torch.paths import find
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.trees import Form
 
 # Name -> what a judge gets beside its own numbers, and what it is compared with: the judge, and controls without SPGF.
@@ -143,7 +143,7 @@ def behind_alone(made: Tried, clouds: Sequence[Described], folds: Mapping[int, F
                 report.row(**row, against=other, **more)
 
 
-def with_few(made: Tried, clouds: Sequence[Described], report: Report, stages: Stages) -> None:
+def with_few(made: Tried, clouds: Sequence[Described], report: Report, stages: ProgressReporter) -> None:
     """Learning curves: a share of the trials of each object, or few training objects."""
     order = torch.from_numpy(stratified_order([b.obj.category for b in made.benches], made.config.seed).copy())
     fold = torch.from_numpy(made.fold)
@@ -177,7 +177,7 @@ def main() -> None:
     given = dict(argument.split("=", 1) for argument in sys.argv[1:])
     places = [given.get(key, f"data/{key}") for key in ("objects", "trials")]
     made = tried_with(find(given["judge"]), Path(given["cache"]), *places)
-    hand, stages = made.config.hand.name, Stages()
+    hand, stages = made.config.hand.name, ProgressReporter()
     report = Report("where_spgf_helps", f"{hand}: a judge with and without what SPGF tells, on held-out objects.")
     with stages.stage("shapes", len(made.benches), "objects") as advance:
         clouds = describe(made, advance)

@@ -3,7 +3,7 @@
 Three objects, physics and all. A call is a process group with its workers; SIGKILL ends it as a whole, after a time
 that is drawn between 0 and what an uninterrupted call takes; the next call goes on, and so on until KILLS (30) were
 killed. Then tables are compared, byte for byte, with those of the uninterrupted call. Ten minutes on two idle cores;
-not part of the suite, which kills calls without physics (tests/trials/test_kills.py).
+not part of the suite, which kills calls without physics (tests/simulation/test_kills.py).
 """
 
 from __future__ import annotations

@@ -23,29 +23,29 @@ from spgf_torch.hands.hand import load_hand
 from spgf_torch.objects.library import load_objects
 from spgf_torch.paths import root
 from spgf_torch.settings import settings, typed
-from spgf_torch.simulation.attempts import Trials
 from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig
-from spgf_torch.simulation.execute import made_with, origin
-from spgf_torch.simulation.executors import Local
-from spgf_torch.simulation.generation import Campaign, Plan
-from spgf_torch.simulation.run_state import Journal
+from spgf_torch.simulation.execute import made_with, provenance_of
+from spgf_torch.simulation.executors import ProcessExecutor
+from spgf_torch.simulation.generation import Generation, Plan
+from spgf_torch.simulation.run_state import RunState
+from spgf_torch.simulation.worker import Trials
 
 CHUNK = 50
 TICK = os.sysconf("SC_CLK_TCK")
 
 
-class Timed(Journal):
+class Timed(RunState):
     """Says how long its shards took and how large they were."""
 
     seconds, bytes_, shards = 0.0, 0, 0
 
-    def add(self, origin, first, poses, outcomes) -> None:
+    def add(self, provenance, first, poses, outcomes) -> None:
         start = time.perf_counter()
-        super().add(origin, first, poses, outcomes)
+        super().add(provenance, first, poses, outcomes)
         self.seconds += time.perf_counter() - start
         self.shards += 1
         name = f"{first:08d}-{first + len(outcomes):08d}.json"
-        self.bytes_ += (self.folder / "shards" / origin.object_name / name).stat().st_size
+        self.bytes_ += (self.folder / "shards" / provenance.object_name / name).stat().st_size
 
 
 def resident(process: int | str) -> float:
@@ -79,7 +79,7 @@ def main() -> None:
     objects = objects[::5]
     candidates = total // (2 * len(objects))
     trials, sampler = Trials(load_hand(settings(HandConfig)), episode), settings(SamplerConfig)
-    pairs = [(obj, origin(obj, trials, sampler, candidates, 0)) for obj in objects]
+    pairs = [(obj, provenance_of(obj, trials, sampler, candidates, 0)) for obj in objects]
     done, told, spent, begun = 0, 0, 0.0, time.perf_counter()
     lines: list[dict[str, float]] = []
 
@@ -95,9 +95,9 @@ def main() -> None:
             print(json.dumps(lines[-1]), file=sys.stderr, flush=True)
 
     with tempfile.TemporaryDirectory() as temporary:
-        journal = Timed(Path(temporary), (1, 1), made_with(trials, sampler, candidates, 0))
-        with journal.open([its for _, its in pairs]):
-            Campaign(journal, Plan(trials, CHUNK), progress).run(pairs, Local(workers))
+        run_state = Timed(Path(temporary), (1, 1), made_with(trials, sampler, candidates, 0))
+        with run_state.open([its for _, its in pairs]):
+            Generation(run_state, Plan(trials, CHUNK), progress).run(pairs, ProcessExecutor(workers))
         seconds = time.perf_counter() - begun
         tables = sum(path.stat().st_size for path in Path(temporary).glob("*.parquet"))
     found = {
@@ -110,9 +110,9 @@ def main() -> None:
         "caller MB after a tenth": lines[0]["caller MB"],
         "caller MB at the end": lines[-1]["caller MB"],
         "table bytes/candidate": tables / done,
-        "shard bytes/candidate": journal.bytes_ / done,
+        "shard bytes/candidate": run_state.bytes_ / done,
         "ms to read an object": reading,
-        "ms/shard": 1e3 * journal.seconds / journal.shards,
+        "ms/shard": 1e3 * run_state.seconds / run_state.shards,
     }
     print(json.dumps({key: round(value, 2) for key, value in found.items()}, indent=1))
 

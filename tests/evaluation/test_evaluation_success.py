@@ -15,9 +15,9 @@ from spgf_torch.errors import InputError
 from spgf_torch.evaluation import paper, tables
 from spgf_torch.evaluation.card import model_card
 from spgf_torch.evaluation.executed import ObjectOutcome, executed_results
-from spgf_torch.evaluation.files import write_json, write_per_object, write_predictions
+from spgf_torch.evaluation.files import write_json, write_per_object
 from spgf_torch.evaluation.folds import stratified_folds, stratified_order
-from spgf_torch.evaluation.novel import Novel
+from spgf_torch.evaluation.predictions import Predictions, read_predictions, write_predictions
 from spgf_torch.evaluation.reliability import brier, reliability
 from spgf_torch.evaluation.results import build_results, object_rates, read_results
 from spgf_torch.evaluation.success import bootstrap_interval, ceiling, class_means, random_rate, top_n
@@ -110,7 +110,7 @@ def test_interval_of_a_proportion() -> None:
     assert (low, high) == pytest.approx((0.402, 0.598), abs=0.012)
 
 
-def novel_objects() -> list[Novel]:
+def predictions() -> list[Predictions]:
     """Ten objects in five folds: log_odds knows the outcome, probability is right by 0.9, before by 0.5."""
     rng = np.random.default_rng(0)
     objects = []
@@ -123,7 +123,7 @@ def novel_objects() -> list[Novel]:
         chosen = "log_odds" if i % 5 else "paper"
         collides = rng.random(60) < 0.3
         objects.append(
-            Novel(f"o{i}", name, i % 5, chosen, scores, before, after, votes, success, grasp_type, collides, pose)
+            Predictions(f"o{i}", name, i % 5, chosen, scores, before, after, votes, success, grasp_type, collides, pose)
         )
     return objects
 
@@ -134,7 +134,7 @@ def config() -> TrainConfig:
 
 
 def test_results_keep_the_contract(config: TrainConfig) -> None:
-    results = build_results(novel_objects(), config, "d1")
+    results = build_results(predictions(), config, "d1")
     blocks = {"success_rate": 3, "random": 2, "random_collision_free": 3, "ceiling": 3}
     for block, kinds in blocks.items():
         assert list(results[block]) == ["containers", "boxes", "curved", "all"]
@@ -152,7 +152,7 @@ def test_results_keep_the_contract(config: TrainConfig) -> None:
 
 
 def test_files_round_trip(config: TrainConfig, tmp_path) -> None:
-    objects = novel_objects()
+    objects = predictions()
     write_json(tmp_path / "results.json", build_results(objects, config, "d1"))
     assert read_results(tmp_path / "results.json")["success_rate"]["all"].keys() == {"NPG", "WPG", "CG"}
     write_per_object(tmp_path / "per_object.csv", objects, 10)
@@ -165,6 +165,15 @@ def test_files_round_trip(config: TrainConfig, tmp_path) -> None:
     assert len(table["object"]) == 600 and table["object"][60] == "o1" and table["type"][61] == "WPG"
     assert table["score_calibrated"][65] == pytest.approx(objects[1].scores["calibrated"][5], rel=1e-6)
     assert table["qz"][599] == pytest.approx(objects[9].pose[59, 6], rel=1e-6)
+    back = read_predictions(tmp_path / "predictions.parquet", {o.fold: o.chosen for o in objects[1:]})
+    for read, made in zip(back, objects, strict=True):
+        assert (read.name, read.category, read.fold, set(read.scores)) == (
+            made.name, made.category, made.fold, set(made.scores),
+        )  # fmt: skip
+        for name in ("success", "grasp_type", "collides", "votes"):
+            assert np.array_equal(getattr(read, name), getattr(made, name))
+        assert read.chosen == made.chosen or read.fold == 0
+        assert read.scores[NESTED] is read.scores[read.chosen]
     assert not list(tmp_path.glob("*.part"))
 
 
@@ -172,7 +181,7 @@ def test_the_model_card_says_what_was_measured(config: TrainConfig) -> None:
     for room, values in (("hand", HandConfig), ("features", FeatureConfig), ("affordance", AffordanceConfig)):
         setattr(config, room, settings(values))
     config.sensing, config.objects, config.trials = settings(SensingConfig), "data/objects", "data/trials"
-    results = build_results(novel_objects(), config, "d1")
+    results = build_results(predictions(), config, "d1")
     card = model_card(results, config, objects=10, trials=600, size=2_000_000)
     rate = f"{100 * results['by_ranking']['nested']['all']['CG']:.1f}"
     assert rate in card and "600 simulated trials" in card and "2 MB" in card
@@ -191,7 +200,7 @@ def test_foreign_results_are_refused(content: str | None, tmp_path) -> None:
 
 def test_the_table_shows_the_paper_beside_ours(config: TrainConfig) -> None:
     console = Console(width=80, record=True, file=io.StringIO())
-    results = build_results(novel_objects(), config, "d1")
+    results = build_results(predictions(), config, "d1")
     console.print(tables.results_table(results))
     console.print(tables.chosen_line(results), tables.calibration_line(results), soft_wrap=True)
     text = console.export_text()
@@ -203,7 +212,7 @@ def test_a_judge_stands_beside_the_votes(config: TrainConfig) -> None:
     """It knows the outcome of what it judges: nothing fails among its best, and p = 1 or 0 is calibrated."""
     objects = [
         replace(o, scores={**o.scores, JUDGE: np.where(o.collides, -1.0, o.success.astype(float))})
-        for o in novel_objects()
+        for o in predictions()
     ]
     results = build_results(objects, config, "d1")
     assert results["by_ranking"][JUDGE]["all"]["CG"] == 1.0
@@ -217,7 +226,7 @@ def test_a_judge_stands_beside_the_votes(config: TrainConfig) -> None:
     text = console.export_text()
     assert "judge" in text and "nested" in text and "…" not in text and max(map(len, text.splitlines())) <= 80
     assert f"judge minus nested, CG, all: {100 * (1 - nested):+.1f} points" in tables.judge_lines(results)[1]
-    assert tables.judge_lines(build_results(novel_objects(), config, "d1")) == []
+    assert tables.judge_lines(build_results(predictions(), config, "d1")) == []
 
 
 def test_executed_results_keep_the_contract() -> None:

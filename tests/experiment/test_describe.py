@@ -12,12 +12,13 @@ from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.sensed_collision import hand_volume
 from spgf_torch.cache import Cache
 from spgf_torch.experiment import describe as module
-from spgf_torch.experiment.describe import Described, Description, Grasps, Steps
+from spgf_torch.experiment.describe import CachedSteps, Describer, Grasps
+from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.geometry import se3
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings
 
@@ -41,20 +42,20 @@ GRASPS = [random_grasps(1), random_grasps(2)]
 VOLUME = {kind: hand_volume([trimesh.creation.box((side, 0.03, 0.03))]) for kind, side in (("NPG", 0.05), ("WPG", 0.1))}
 
 
-def description(cache: Cache | None = None, **changes: Any) -> Description:
+def describer(cache: Cache | None = None, **changes: Any) -> Describer:
     sensing = settings(SensingConfig, width=160, height=120, focal=144)
-    made = Description(sensing, settings(FeatureConfig), settings(AffordanceConfig, features_per_object=30), VOLUME, 0)
+    made = Describer(sensing, settings(FeatureConfig), settings(AffordanceConfig, features_per_object=30), VOLUME, 0)
     return replace(made, cache=cache or Cache(None), **changes)
 
 
-def described(settings_: Description) -> list[Described]:
-    return settings_.describe(OBJECTS, GRASPS, Stages())
+def described(settings_: Describer) -> list[DescribedObject]:
+    return settings_.describe(OBJECTS, GRASPS, ProgressReporter())
 
 
-def same(first: list[Described], second: list[Described]) -> bool:
+def same(first: list[DescribedObject], second: list[DescribedObject]) -> bool:
     """Equal to the bit, types included."""
 
-    def tensors(obj: Described) -> list[torch.Tensor]:
+    def tensors(obj: DescribedObject) -> list[torch.Tensor]:
         return [obj.relations, obj.collides, *vars(obj.pairs).values()]
 
     both = [(a, b) for x, y in zip(first, second, strict=True) for a, b in zip(tensors(x), tensors(y), strict=True)]
@@ -64,14 +65,14 @@ def same(first: list[Described], second: list[Described]) -> bool:
 def test_a_cache_changes_no_bit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    without = described(description())
+    without = described(describer())
     assert all(len(obj.pairs.feature) and obj.collides.any() and not obj.collides.all() for obj in without)
-    cold = described(description(Cache(tmp_path)))
+    cold = described(describer(Cache(tmp_path)))
     assert "cache" not in capsys.readouterr().err
     for step in ("sense", "cell_pairs", "sensed_collision"):
         monkeypatch.setattr(module, step, forbidden(getattr(module, step)))
     monkeypatch.setattr(module, "descriptor", lambda config: forbidden(descriptor(config)))
-    warm = described(description(Cache(tmp_path)))
+    warm = described(describer(Cache(tmp_path)))
     assert same(without, cold) and same(without, warm)
     assert capsys.readouterr().err.count(", 2 from the cache") == 4
 
@@ -88,24 +89,24 @@ def forbidden(step: Any) -> Any:
 
 def test_other_features_need_no_sensing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     other = settings(FeatureConfig, radius=0.02)
-    without = described(description(features=other))
-    described(description(Cache(tmp_path)))
+    without = described(describer(features=other))
+    described(describer(Cache(tmp_path)))
     monkeypatch.setattr(module, "sense", forbidden(module.sense))
-    assert same(described(description(Cache(tmp_path), features=other)), without)
+    assert same(described(describer(Cache(tmp_path), features=other)), without)
 
 
 def test_damaged_entries_change_no_bit(tmp_path: Path) -> None:
-    cold = described(description(Cache(tmp_path)))
+    cold = described(describer(Cache(tmp_path)))
     for path in tmp_path.iterdir():
         path.write_bytes(path.read_bytes()[:-5])
-    assert same(described(description(Cache(tmp_path))), cold)
-    assert same(described(description(Cache(tmp_path))), cold)
+    assert same(described(describer(Cache(tmp_path))), cold)
+    assert same(described(describer(Cache(tmp_path))), cold)
 
 
 def test_objects_are_found_one_by_one(tmp_path: Path) -> None:
-    both = described(description(Cache(tmp_path)))
+    both = described(describer(Cache(tmp_path)))
     files = sorted(tmp_path.iterdir())
-    turned = description(Cache(tmp_path)).describe(OBJECTS[::-1], GRASPS[::-1], Stages())
+    turned = describer(Cache(tmp_path)).describe(OBJECTS[::-1], GRASPS[::-1], ProgressReporter())
     assert same(turned[::-1], both) and sorted(tmp_path.iterdir()) == files
 
 
@@ -126,14 +127,14 @@ ALL = {"texlets", "features", "pairs", "collisions"}
     ],
 )
 def test_what_a_setting_makes_anew(changes: dict[str, Any], anew: set[str]) -> None:
-    before = Steps(description(), OBJECTS[0], GRASPS[0]).keys
-    after = Steps(description(**changes), OBJECTS[0], GRASPS[0]).keys
+    before = CachedSteps(describer(), OBJECTS[0], GRASPS[0]).keys
+    after = CachedSteps(describer(**changes), OBJECTS[0], GRASPS[0]).keys
     assert {kind for kind in ALL if before[kind] != after[kind]} == anew
 
 
 def test_what_an_input_makes_anew() -> None:
     def keys(obj: GraspObject, grasps: Grasps) -> dict[str, str]:
-        return Steps(description(), obj, grasps).keys
+        return CachedSteps(describer(), obj, grasps).keys
 
     first = keys(OBJECTS[0], GRASPS[0])
     tried = keys(OBJECTS[0], GRASPS[1])

@@ -5,31 +5,31 @@ from dataclasses import replace
 import pytest
 import torch
 import trimesh
+from trial_tables import trial_table
 
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import GraspModel, load_model, save_model
 from spgf_torch.affordance.sensed_collision import hand_volume
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.costs import prediction_ms
-from spgf_torch.experiment.describe import Description, Grasps, Steps
-from spgf_torch.experiment.labelled_grasps import Tried
+from spgf_torch.experiment.describe import CachedSteps, Describer, Grasps
 from spgf_torch.experiment.learning import learn_model
-from spgf_torch.experiment.training_set import Example
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.geometry import se3
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.propose import Proposer
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import plain, settings
+from spgf_torch.simulation.table import TrialTable
 
 MESH = trimesh.creation.box((0.05, 0.06, 0.08))
 BRICK = GraspObject("brick", "boxes", MESH, (MESH.vertices,), 0.2, MESH.center_mass, MESH.moment_inertia)
 VOLUMES = {kind: hand_volume([trimesh.creation.box((0.01, 0.01, 0.01))]) for kind in ("NPG", "WPG")}
-DESCRIBE = Description(
+DESCRIBER = Describer(
     settings(SensingConfig, width=160, height=120, focal=144),
     settings(FeatureConfig, descriptor="patch_pairs"),
     settings(AffordanceConfig, features_per_object=30),
@@ -39,21 +39,21 @@ DESCRIBE = Description(
 
 
 @pytest.fixture(scope="module")
-def tried() -> Tried:
+def tried() -> TrialTable:
     """Forty poses within 10 cm of the brick, half of each type, half of which succeeded."""
     generator = torch.Generator().manual_seed(1)
-    grasps = Grasps(se3.random_poses(40, generator, extent=0.1), torch.arange(2).repeat_interleave(20))
-    return Tried(grasps, (torch.rand(40, generator=generator) < 0.5).long())
+    T = se3.random_poses(40, generator, extent=0.1)
+    return trial_table(T, torch.arange(2).repeat_interleave(20), (torch.rand(40, generator=generator) < 0.5).long())
 
 
 @pytest.fixture(scope="module")
-def model(tried: Tried, tmp_path_factory: pytest.TempPathFactory) -> GraspModel:
+def model(tried: TrialTable, tmp_path_factory: pytest.TempPathFactory) -> GraspModel:
     """Of the brick, as it comes back from disk."""
     folder = tmp_path_factory.mktemp("model")
-    described = DESCRIBE.describe([BRICK], [tried.grasps], Stages())[0]
+    described = DESCRIBER.describe([BRICK], [tried], ProgressReporter())[0]
     assert described.relations.shape[1] == 4
-    learned = learn_model([Example(described, tried.success)], described.relations[:3], DESCRIBE.affordance)
-    made = {"sensing": DESCRIBE.sensing, "features": DESCRIBE.features, "affordance": DESCRIBE.affordance}
+    learned = learn_model([described.with_success(tried.success)], described.relations[:3], DESCRIBER.affordance)
+    made = {"sensing": DESCRIBER.sensing, "features": DESCRIBER.features, "affordance": DESCRIBER.affordance}
     said = {name: plain(values) for name, values in made.items()}
     said |= {"hand": plain(settings(HandConfig)), "prototypes": plain(settings(PrototypeConfig))}
     save_model(replace(learned, settings=said), folder)
@@ -63,7 +63,7 @@ def model(tried: Tried, tmp_path_factory: pytest.TempPathFactory) -> GraspModel:
 def test_a_saved_model_knows_its_descriptor(model: GraspModel) -> None:
     """Proposals come from pairs of patches without a word: rings of 144 numbers would not fit centres of 4."""
     assert model.descriptor == "patch_pairs" and model.centres.shape == (3, 4)
-    texlets = Steps(DESCRIBE, BRICK, Grasps(torch.zeros(0, 4, 4), torch.zeros(0, dtype=torch.int64))).texlets
+    texlets = CachedSteps(DESCRIBER, BRICK, Grasps(torch.zeros(0, 4, 4), torch.zeros(0, dtype=torch.int64))).texlets
     proposing = settings(ProposingConfig, point_support=0, hypotheses=60, survivors=20, refined=5, rounds=1)
     proposals = Proposer.of(model, proposing, VOLUMES).propose(texlets)
     assert proposals.T_object_tcp.isfinite().all()
@@ -76,8 +76,8 @@ def test_its_prototypes_are_no_rings(model: GraspModel) -> None:
     assert old.descriptor == "spgf"
 
 
-def test_a_prediction_takes_time(model: GraspModel, tried: Tried) -> None:
-    assert 0 < prediction_ms(model, DESCRIBE, [BRICK, BRICK], [tried, tried]) < 60_000
+def test_a_prediction_takes_time(model: GraspModel, tried: TrialTable) -> None:
+    assert 0 < prediction_ms(model, DESCRIBER, [BRICK, BRICK], [tried, tried]) < 60_000
 
 
 def test_a_model_card_says_the_descriptor() -> None:

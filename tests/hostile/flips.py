@@ -24,9 +24,9 @@ from spgf_torch.experiment.held_out import load_fold_models  # noqa: E402
 from spgf_torch.experiment.labelled_grasps import _made_with  # noqa: E402
 from spgf_torch.files.sealing import SUMS, sealed_json, sealed_yaml  # noqa: E402
 from spgf_torch.formats.card import CARD, check_card, checksums  # noqa: E402
-from spgf_torch.reporting.data.predictions import read_predictions  # noqa: E402
+from spgf_torch.reporting.data.predictions import predictions_of  # noqa: E402
 from spgf_torch.reporting.data.runs import read_per_object, read_run  # noqa: E402
-from spgf_torch.simulation.run_state import Journal  # noqa: E402
+from spgf_torch.simulation.run_state import RunState  # noqa: E402
 from spgf_torch.simulation.table import read_table, write_table  # noqa: E402
 
 
@@ -61,14 +61,14 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "seed": 0,
         "versions": {"sapien": "3"},
     }
-    (folder / "journal").mkdir()
-    journal = Journal(folder / "journal", (1, 1), made_with)
-    journal.write_manifest()
+    (folder / "run_state").mkdir()
+    run_state = RunState(folder / "run_state", (1, 1), made_with)
+    run_state.write_manifest()
     folds = held_out(folder / "held")
     return {
         "model.safetensors": Kind(model / "model.safetensors", lambda: load_model(model)),
         "model.json": Kind(model / "model.json", lambda: load_model(model)),
-        "predictions.parquet": Kind(run / "predictions.parquet", lambda: read_predictions(read_run(run), "log_odds")),
+        "predictions.parquet": Kind(run / "predictions.parquet", lambda: predictions_of(read_run(run), "log_odds")),
         "results.json": Kind(run / "results.json", lambda: read_run(run)),
         "config.yaml of a run": Kind(run / "config.yaml", lambda: read_run(run)),
         "per_object.csv": Kind(run / "per_object.csv", lambda: read_per_object(read_run(run))),
@@ -76,7 +76,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "trial table as committed": Kind(old / "apple.parquet", lambda: read_table(old / "apple.parquet")),
         "config.yaml as committed": Kind(old / "config.yaml", lambda: _made_with(old / "config.yaml")),
         "config.yaml of trials": Kind(settings, lambda: _made_with(settings)),
-        "manifest.json": Kind(journal.path, journal._read_manifest),
+        "manifest.json": Kind(run_state.path, run_state._read_manifest),
         "best.ckpt": Kind(folder / "best.ckpt", lambda: read_checkpoint(folder / "best.ckpt")),
         "judged.safetensors": Kind(folder / "judged.safetensors", lambda: read_tensors(folder / "judged.safetensors")),
         "card.json": Kind(folder / "set" / CARD, lambda: check_card(folder / "set")),

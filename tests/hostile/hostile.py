@@ -1,4 +1,4 @@
-"""A command in this process, as its door runs it: settings, the call, and what it must be when the input is bad.
+"""A command in this process, as the shell runs it: settings, the call, and what it must be when the input is bad.
 
 Every case gives one line that names what is wrong and says what was expected and got, exit status 2, no file left
 behind, within bounds of time and memory.
@@ -27,7 +27,7 @@ from yaml import YAMLError
 
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import FORMAT, SCHEMA
-from spgf_torch.cli.door import fail, slug
+from spgf_torch.cli.command import fail, slug
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
 from spgf_torch.features.config import FeatureConfig
@@ -118,7 +118,7 @@ def refused(command: str, changes: Mapping[str, Any], words: tuple[str, ...], ca
 
 
 def told(command: str, call: Callable[[], Any], words: tuple[str, ...], capsys: pytest.CaptureFixture) -> str:
-    """What the door of a command does with a call that refuses its input: the line."""
+    """What a command does with a call that refuses its input: the line."""
     before = tree()
     capsys.readouterr()
     with pytest.raises(SystemExit) as left, bounded():

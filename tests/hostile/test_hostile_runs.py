@@ -18,7 +18,7 @@ from report_runs import rewritten, write_run
 
 from spgf_torch.errors import InputError
 from spgf_torch.files.sealing import KEY, sealed_json
-from spgf_torch.reporting.data.predictions import read_predictions
+from spgf_torch.reporting.data.predictions import predictions_of
 from spgf_torch.reporting.data.runs import Notes, load_runs, read_per_object
 
 Change = Callable[[Any], Any]
@@ -280,10 +280,10 @@ PREDICTIONS: dict[str, Callable[[pa.Table], pa.Table]] = {
 def test_damaged_predictions(run: Path, name: str) -> None:
     (loaded,) = load_runs(str(run), lambda line: None)
     path = run / "predictions.parquet"
-    read_predictions(loaded, "log_odds")
+    predictions_of(loaded, "log_odds")
     pq.write_table(PREDICTIONS[name](pq.read_table(path)).replace_schema_metadata(None), path)
     with pytest.raises(InputError) as refused:
-        read_predictions(loaded, "log_odds")
+        predictions_of(loaded, "log_odds")
     line = str(refused.value)
     assert line.startswith(str(path)) and "expected" in line and line.isprintable() and len(line) < 600, line
 

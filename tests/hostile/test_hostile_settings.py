@@ -1,4 +1,4 @@
-"""Overrides on the command line, through the door itself: Hydra, types and ranges."""
+"""Overrides on the command line, through the command itself: Hydra, types and ranges."""
 
 import os
 import sys
@@ -10,7 +10,7 @@ import pytest
 from hostile import KINDS, bounded, defaults, tree
 from hydra.core.global_hydra import GlobalHydra
 
-from spgf_torch.cli.door import door
+from spgf_torch.cli.command import run_command
 
 CASES: list[tuple[str, list[str], str]] = [
     ("train", ["K=abc"], "K: "),
@@ -45,7 +45,7 @@ def test_one_line(
         monkeypatch.setattr("spgf_torch.predictor.model_settings", _known)
     before = tree()
     with pytest.raises(SystemExit) as left, bounded():
-        door(command, KINDS[command], module.run)
+        run_command(command, KINDS[command], module.run)
     said = [line for line in capsys.readouterr().err.splitlines() if line.startswith(f"{command}: ")]
     assert left.value.code == 2 and {path for path in tree() if not path.startswith("outputs")} == set(before)
     assert not [path for path in Path("outputs").rglob("*") if path.is_file()]

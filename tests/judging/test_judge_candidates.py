@@ -13,17 +13,19 @@ from omegaconf import OmegaConf
 from spgf_torch.affordance.pairs import CellPairs
 from spgf_torch.cache import Cache
 from spgf_torch.experiment.config import TrainConfig
-from spgf_torch.experiment.describe import Described, Grasps
+from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.experiment.experiment import Design, teaching
-from spgf_torch.experiment.labelled_grasps import Tried, tried_grasps
-from spgf_torch.experiment.training_set import Example
+from spgf_torch.experiment.labelled_grasps import tables_of
+from spgf_torch.hands.hand import load_hand
 from spgf_torch.judging.candidates import EXCLUDED, CandidateRanking
 from spgf_torch.judging.config import TreesConfig
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.sensing.sense import sense
 from spgf_torch.settings import settings, typed
+from spgf_torch.simulation.execute import Trials
+from spgf_torch.simulation.table import TrialTable
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("bowl_sugar", "egg", "mug_coffee", "tumbler")
@@ -31,7 +33,7 @@ DESIGN = Design(np.array([0, 1, 0, 1]), np.arange(4), 100)
 OF_EACH_TYPE, TAUGHT = 60, 40
 FEW_PIXELS = ["sensing.cameras=1", "sensing.width=160", "sensing.height=120", "sensing.focal=144"]
 
-Given = tuple[list[GraspObject], list[Tried], list[Example]]
+Given = tuple[list[GraspObject], list[TrialTable], list[DescribedObject]]
 
 
 @pytest.fixture(scope="module")
@@ -46,17 +48,18 @@ def given(config: TrainConfig) -> Given:
     """Four objects, the first candidates of each with their outcomes, and what one camera sees of them."""
     objects = [obj for obj in load_objects(ROOT / "data/objects") if obj.name in NAMES]
     config.trials = str(ROOT / "data/trials")
-    clearance, tried, examples = CandidateRanking.of(config, Cache(None)).search.clearance, [], []
-    for obj, all_of_it in zip(objects, tried_grasps(objects, config), strict=True):
-        kind = all_of_it.grasps.grasp_type
-        few = torch.cat([(kind == code).nonzero()[:OF_EACH_TYPE, 0] for code in (0, 1)])
-        T, kind = all_of_it.grasps.T_object_tcp[few], kind[few]
-        free = clearance.free_of_points(sense(obj, config.sensing, config.seed).positions, T, kind)
-        none = torch.zeros(0, dtype=torch.int32)
-        described = Described(torch.zeros(1, 144), CellPairs(none, none, none, kind), ~free)
-        tried.append(Tried(Grasps(T, kind), all_of_it.outcome[few]))
-        examples.append(Example(described, tried[-1].success))
-    return objects, tried, examples
+    clearance, tables, examples = CandidateRanking.of(config, Cache(None)).search.clearance, [], []
+    trials = Trials(load_hand(config.hand), config.episode)
+    for obj, whole in zip(objects, tables_of(objects, config.trials, trials, config.sampler), strict=True):
+        few = torch.cat([(whole.grasp_type == code).nonzero()[:OF_EACH_TYPE, 0] for code in (0, 1)])
+        columns = {name: getattr(whole, name)[few] for name in ("position", "quaternion", "grasp_type", "outcome")}
+        table = replace(whole, **columns)
+        texlets, none = sense(obj, config.sensing, config.seed), torch.zeros(0, dtype=torch.int32)
+        free = clearance.free_of_points(texlets.positions, table.T_object_tcp, table.grasp_type)
+        pairs = CellPairs(none, none, none, table.grasp_type)
+        tables.append(table)
+        examples.append(DescribedObject(torch.zeros(1, 144), pairs, ~free, table.success))
+    return objects, tables, examples
 
 
 @pytest.fixture(scope="module")
@@ -68,15 +71,14 @@ def scores(given: Given, config: TrainConfig, cache: Cache, design: Design = DES
     """By judges of few trees."""
     ranking = CandidateRanking.of(config, cache)
     small = replace(ranking.config, learning=settings(TreesConfig, trees=5, least=5))
-    objects, tried, examples = given
-    return replace(ranking, config=small).scores(design, objects, tried, examples, Stages())
+    return replace(ranking, config=small).scores(design, *given, ProgressReporter())
 
 
 def flipped(given: Given, which: Sequence[torch.Tensor]) -> Given:
     """Of these trials (C,) of each object, what held has collided, and the others have held."""
-    objects, tried, examples = given
+    objects, tables, examples = given
     others = []
-    for its, at in zip(tried, which, strict=True):
+    for its, at in zip(tables, which, strict=True):
         outcome = its.outcome.clone()
         outcome[at] = (outcome[at] == 0).long()
         others.append(replace(its, outcome=outcome))
@@ -85,7 +87,7 @@ def flipped(given: Given, which: Sequence[torch.Tensor]) -> Given:
 
 def test_probabilities_of_what_is_free_and_the_rest_after_them(given: Given, config: TrainConfig, kept: Cache) -> None:
     for score, example in zip(scores(given, config, kept), given[2], strict=True):
-        collides = example.described.collides
+        collides = example.collides
         assert collides.any() and (score[collides] == EXCLUDED).all()
         assert ((score[~collides] > 0) & (score[~collides] < 1)).all() and score[~collides].std() > 0.01
 
@@ -121,8 +123,3 @@ def test_a_cache_changes_no_bit(given: Given, config: TrainConfig, kept: Cache) 
     other = Cache(kept.folder)
     scores(given, replace(config, seed=1), other)  # another cloud
     assert not other.hits["numbers"]
-
-
-def test_bools_are_no_outcomes() -> None:
-    with pytest.raises(TypeError, match="outcome"):
-        Tried(Grasps(torch.zeros(0, 4, 4), torch.zeros(0, dtype=torch.int64)), torch.zeros(0, dtype=torch.bool))

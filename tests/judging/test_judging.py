@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from doors import call
+from commands import call
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from sklearn.metrics import roc_auc_score
@@ -36,9 +36,9 @@ from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.unseen import behind
 from spgf_torch.settings import settings, typed
-from spgf_torch.simulation.attempts import Trials
 from spgf_torch.simulation.execute import execute
-from spgf_torch.simulation.executors import Here
+from spgf_torch.simulation.executors import InlineExecutor
+from spgf_torch.simulation.worker import Trials
 
 ROOT = Path(__file__).parents[2]
 OBJECTS = ("soap_bar", "egg", "box_tea", "tumbler")
@@ -199,17 +199,21 @@ def test_trials_that_have_ended_are_kept(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr("spgf_torch.judging.trying.execute", fake)
     cache = Cache(tmp_path)
     with pytest.raises(KeyboardInterrupt):
-        tried(requests, trials, Here, cache)
-    assert [o.tolist() for o in tried(requests, trials, Here, cache)] == [[2, 3, 4], [2, 3], [2, 3]] and asked == [
+        tried(requests, trials, InlineExecutor, cache)
+    assert [o.tolist() for o in tried(requests, trials, InlineExecutor, cache)] == [
+        [2, 3, 4],
+        [2, 3],
+        [2, 3],
+    ] and asked == [
         3,
         2,
         2,
     ]
     entry = max(tmp_path.glob(f"{KIND}-*"), key=lambda path: path.stat().st_size)
     entry.write_bytes(entry.read_bytes()[:-1])
-    assert [len(o) for o in tried(requests, trials, Here, cache)] == [3, 2, 2] and asked[3:] == [3]
+    assert [len(o) for o in tried(requests, trials, InlineExecutor, cache)] == [3, 2, 2] and asked[3:] == [3]
     harder = Trials(trials.hand, replace(trials.episode, friction=0.1))
-    tried(requests[:1], harder, Here, cache)
+    tried(requests[:1], harder, InlineExecutor, cache)
     assert asked[4:] == [3]  # another episode is another trial
 
 

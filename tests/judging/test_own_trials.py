@@ -15,12 +15,12 @@ from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.geometry.se3 import random_poses
 from spgf_torch.judge import run as learn
 from spgf_torch.judging.config import JudgeConfig
-from spgf_torch.judging.own_trials import CHOICE, OwnOrigin, OwnTrials, read_own, write_own
+from spgf_torch.judging.own_trials import CHOICE, OwnProvenance, OwnTrials, read_own, write_own
 from spgf_torch.judging.rows import PICKED, Chosen
 from spgf_torch.judging.settings import judge_settings
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.settings import plain, typed
-from spgf_torch.simulation import executors as runners
+from spgf_torch.simulation import executors
 from spgf_torch.train import run as train
 
 ROOT = Path(__file__).parents[2]
@@ -31,22 +31,22 @@ def own() -> OwnTrials:
     """Two rounds of made-up trials on one object."""
     made = config("rounds=2")
     choice = {key: getattr(made, key) for key in CHOICE}
-    origin = OwnOrigin("egg", "1" * 64, "2" * 64, plain(made.episode), choice, plain(made.sensing))
+    provenance = OwnProvenance("egg", "1" * 64, "2" * 64, plain(made.episode), choice, plain(made.sensing))
     generator = torch.Generator().manual_seed(0)
     parts = []
     for number in (1, 2):
         poses = Hypotheses(random_poses(5, generator), torch.tensor([0, 1, 0, 1, 1]))
         rank = torch.tensor([0, 1, 2, PICKED, PICKED])
         chosen = Chosen(poses, torch.tensor([0, 1, 2, 3, 3]), rank, torch.rand(5, generator=generator))
-        parts.append(replace(OwnTrials.of(origin, chosen, number), outcome=torch.arange(5) + number - 1))
+        parts.append(replace(OwnTrials.of(provenance, chosen, number), outcome=torch.arange(5) + number - 1))
         assert torch.allclose(parts[-1].chosen.poses.T, poses.T, atol=1e-6)
     return OwnTrials.together(parts)
 
 
 def test_a_table_comes_back_bit_by_bit(own: OwnTrials, tmp_path: Path) -> None:
     write_own(tmp_path, own)
-    back = read_own(tmp_path, [own.origin])[0]
-    assert back.origin == own.origin and back.round.tolist() == [1] * 5 + [2] * 5
+    back = read_own(tmp_path, [own.provenance])[0]
+    assert back.provenance == own.provenance and back.round.tolist() == [1] * 5 + [2] * 5
     for number in (1, 2):
         a, b = own.at_round(number), back.at_round(number)
         assert torch.equal(a.chosen.poses.T, b.chosen.poses.T) and torch.equal(a.outcome, b.outcome)
@@ -64,29 +64,29 @@ def test_a_table_comes_back_bit_by_bit(own: OwnTrials, tmp_path: Path) -> None:
 )
 def test_tables_of_something_else_are_refused(own: OwnTrials, tmp_path: Path, change: dict, words: list[str]) -> None:
     write_own(tmp_path, own)
-    values = {key: {**getattr(own.origin, key), **v} if isinstance(v, dict) else v for key, v in change.items()}
+    values = {key: {**getattr(own.provenance, key), **v} if isinstance(v, dict) else v for key, v in change.items()}
     with pytest.raises(InputError) as error:
-        read_own(tmp_path, [replace(own.origin, **values)])
+        read_own(tmp_path, [replace(own.provenance, **values)])
     assert all(word in str(error.value) for word in ["egg.parquet", *words]), error.value
 
 
 def test_damaged_tables_are_refused(own: OwnTrials, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"egg\.parquet: expected a table .* no such file"):
-        read_own(tmp_path, [own.origin])
+        read_own(tmp_path, [own.provenance])
     for name, values in (("rank", [7] * 10), ("cloud", [9] * 10), ("probability", [1.5] * 10), ("round", [4] * 10)):
         write_own(tmp_path, replace(own, **{name: torch.tensor(values)}))
         with pytest.raises(InputError, match=rf"expected {name} from"):
-            read_own(tmp_path, [own.origin])
+            read_own(tmp_path, [own.provenance])
     write_own(tmp_path, own)
     path = tmp_path / "egg.parquet"
     content = bytearray(path.read_bytes())
     content[200] ^= 1
     path.write_bytes(content)
     with pytest.raises(InputError, match="damaged or edited"):
-        read_own(tmp_path, [own.origin])
+        read_own(tmp_path, [own.provenance])
     shutil.copy(ROOT / "data/trials/egg.parquet", path)
     with pytest.raises(InputError, match=r"egg\.parquet: expected a table of trials that judges chose"):
-        read_own(tmp_path, [own.origin])
+        read_own(tmp_path, [own.provenance])
 
 
 def test_a_judge_from_tables_is_that_of_the_run_to_the_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,10 +151,10 @@ def test_what_train_refuses(
 
 
 def test_rounds_run_where_simulate_does(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(runners, "Dask", lambda address, limit: (address, limit))
-    assert runners.runner_of(0, 7.0, "tcp://there:1") == ("tcp://there:1", 7.0)
-    assert isinstance(runners.runner_of(1), runners.Here)
-    local = runners.runner_of(3, 7.0)
-    assert isinstance(local, runners.Local) and (local.workers, local.limit) == (3, 7.0)
+    monkeypatch.setattr(executors, "DaskExecutor", lambda address, limit: (address, limit))
+    assert executors.executor_of(0, 7.0, "tcp://there:1") == ("tcp://there:1", 7.0)
+    assert isinstance(executors.executor_of(1), executors.InlineExecutor)
+    local = executors.executor_of(3, 7.0)
+    assert isinstance(local, executors.ProcessExecutor) and (local.workers, local.limit) == (3, 7.0)
     with pytest.raises(InputError, match="address: expected that of a Dask scheduler with runner=dask"):
-        runners.check_address("dask", None)
+        executors.check_address("dask", None)

@@ -12,7 +12,7 @@ from proposing_models import AFFORDANCE, CONFIG, VOLUMES, learned
 
 from spgf_torch.affordance.model import GraspModel, learn, vote
 from spgf_torch.affordance.pairs import cell_pairs
-from spgf_torch.affordance.ranking import judge, rankings
+from spgf_torch.affordance.ranking import score_grasps
 from spgf_torch.affordance.voting import VotingIndex
 from spgf_torch.errors import InputError
 from spgf_torch.features.config import FeatureConfig
@@ -53,7 +53,7 @@ def model() -> GraspModel:
     pairs = cell_pairs(features.T_object_feature, grasps, torch.arange(400) % 2, AFFORDANCE)
     success = torch.rand(400, generator=generator) < 0.4
     made = learn([(pairs, assign(features.relations(), centres), success)], centres, AFFORDANCE)
-    return GraspModel(made.centres, made.condensed, made.lattice, made.calibration, learned(generator).settings)
+    return GraspModel(made.centres, made.condensed, made.grid, made.calibration, learned(generator).settings)
 
 
 @pytest.fixture(scope="module")
@@ -75,9 +75,9 @@ def scores(model: GraspModel, texlets: Texlets) -> tuple[torch.Tensor, torch.Ten
     kinds = torch.arange(200) % 2
     ids = assign(features.relations(), model.centres)
     pairs = cell_pairs(features.T_object_feature, grasps.to(features.T_object_feature), kinds, AFFORDANCE)
-    votes = vote(VotingIndex(model.condensed, model.lattice), pairs, ids)
-    judged = judge(votes, model.condensed.base_rate, kinds, torch.zeros(200, dtype=torch.bool), AFFORDANCE)
-    return rankings(judged, model.calibration)["log_odds"], ids
+    votes = vote(VotingIndex(model.condensed, model.grid), pairs, ids)
+    scores = score_grasps(votes, model.condensed.base_rate, kinds, torch.zeros(200, dtype=torch.bool), AFFORDANCE)
+    return scores.log_odds, ids
 
 
 def same(a: Proposals, b: Proposals) -> bool:

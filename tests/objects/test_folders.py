@@ -10,7 +10,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from spgf_torch.cache import Cache
-from spgf_torch.cli.door import slug
+from spgf_torch.cli.command import slug
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.hands.config import HandConfig
@@ -21,7 +21,7 @@ from spgf_torch.objects.layouts import recognise
 from spgf_torch.objects.manifest import CATEGORIES
 from spgf_torch.objects.scans import NOTHING_KEPT
 from spgf_torch.paths import root
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.settings import settings, typed
 from spgf_torch.simulation.config import SimulateConfig
 
@@ -45,7 +45,7 @@ def read(folder: Path, category: str = "boxes", cache: Cache = NOTHING_KEPT, **c
     values = {"objects": str(folder), "unit": "auto", "category": category, "skip_bad": False, "workers": 1}
     collision = settings(CollisionConfig, samples=10_000)
     config = typed(ObjectsConfig, {**values, "hand": settings(HandConfig), "collision": collision, **changes})
-    return read_objects(config, Stages(), cache)
+    return read_objects(config, ProgressReporter(), cache)
 
 
 def refused(folder: Path, message: str, **changes: Any) -> None:

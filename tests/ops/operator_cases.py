@@ -4,13 +4,13 @@ import torch
 from torch import Tensor
 
 from spgf_torch.geometry import se3
-from spgf_torch.geometry.lattice import Lattice, gaussian_kernel
+from spgf_torch.geometry.se3_grid import SE3Grid, gaussian_kernel
 from spgf_torch.ops.accumulate_votes import Candidates, Voters
-from spgf_torch.ops.analyse import Queries, Space, Weights
-from spgf_torch.ops.analyse import populate as populate_operator
-from spgf_torch.ops.grid import Ring
 from spgf_torch.ops.kmeans_start import Weighted
 from spgf_torch.ops.look_up import Table
+from spgf_torch.ops.neighbourhood_analysis import Queries, Space, Weights
+from spgf_torch.ops.neighbourhood_analysis import populate as populate_operator
+from spgf_torch.ops.ring_grid import Ring
 
 Case = tuple[object, ...]
 
@@ -32,8 +32,8 @@ def points_in_volume() -> list[Case]:
     return [(points, T, *volume), (points[:0], T, *volume), (points, T[:0], *volume)]
 
 
-LATTICE = Lattice(reach=0.05, voxel=0.012, rotation_deg=45.0)
-SLICES = 6
+GRID = SE3Grid(reach=0.05, voxel=0.012, rotation_deg=45.0)
+PARTITIONS = 6
 
 
 def poses(n: int, draws: torch.Generator) -> Tensor:
@@ -41,16 +41,16 @@ def poses(n: int, draws: torch.Generator) -> Tensor:
 
 
 def table(draws: torch.Generator) -> Table:
-    """A third of all cells of each slice, but for one slice without any."""
-    learned = torch.rand(SLICES * LATTICE.cells, generator=draws) < 0.3
-    learned[3 * LATTICE.cells : 4 * LATTICE.cells] = False
-    before = torch.cat([torch.zeros(1), learned.view(-1, LATTICE.row_size).sum(1).cumsum(0)]).int()
-    return Table(before, (learned.nonzero()[:, 0] % LATTICE.cells).int())
+    """A third of all cells of each partition, but for one partition without any."""
+    learned = torch.rand(PARTITIONS * GRID.cells, generator=draws) < 0.3
+    learned[3 * GRID.cells : 4 * GRID.cells] = False
+    before = torch.cat([torch.zeros(1), learned.view(-1, GRID.row_size).sum(1).cumsum(0)]).int()
+    return Table(before, (learned.nonzero()[:, 0] % GRID.cells).int())
 
 
 def nowhere() -> Table:
     """Of a space that learned nothing."""
-    return Table(torch.zeros(SLICES * LATTICE.rows + 1).int(), torch.zeros(0).int())
+    return Table(torch.zeros(PARTITIONS * GRID.rows + 1).int(), torch.zeros(0).int())
 
 
 def cell_pairs() -> list[Case]:
@@ -58,28 +58,28 @@ def cell_pairs() -> list[Case]:
     draws = generator()
     features, grasps = poses(100, draws), poses(50, draws)
     cases = [(features, grasps), (features.double(), grasps.double()), (features[:0], grasps), (features, grasps[:0])]
-    return [(*case, LATTICE.numbers) for case in cases]
+    return [(*case, GRID.numbers) for case in cases]
 
 
 def look_up() -> list[Case]:
     draws = generator()
-    slice_ = torch.randint(SLICES, (5000,), generator=draws).int()
-    cell = torch.randint(LATTICE.cells, (5000,), generator=draws).int()
-    cases = [(table(draws), slice_, cell), (nowhere(), slice_, cell), (table(draws), slice_[:0], cell[:0])]
-    return [(found, LATTICE.rows, LATTICE.row_size, *asked) for found, *asked in cases]
+    partition = torch.randint(PARTITIONS, (5000,), generator=draws).int()
+    cell = torch.randint(GRID.cells, (5000,), generator=draws).int()
+    cases = [(table(draws), partition, cell), (nowhere(), partition, cell), (table(draws), partition[:0], cell[:0])]
+    return [(found, GRID.rows, GRID.row_size, *asked) for found, *asked in cases]
 
 
 def accumulate_votes() -> list[Case]:
     """More grasps than one part of the work has; a space that learned nothing; nobody to vote, and nothing to."""
     draws = generator()
-    voters = Voters(poses(40, draws), 2 * torch.randint(SLICES // 2, (40,), generator=draws))
+    voters = Voters(poses(40, draws), 2 * torch.randint(PARTITIONS // 2, (40,), generator=draws))
     candidates = Candidates(poses(700, draws), torch.arange(700) % 2)
     learned = table(draws)
-    worth = torch.randn(len(learned.cell), generator=draws)
+    gain = torch.randn(len(learned.cell), generator=draws)
     nobody, nothing = Voters(*(c[:0] for c in voters)), Candidates(*(c[:0] for c in candidates))
-    cases = [(voters, candidates, learned, worth), (voters, candidates, nowhere(), worth[:0])]
-    cases += [(nobody, candidates, learned, worth), (voters, nothing, learned, worth)]
-    return [(*case, LATTICE.numbers) for case in cases]
+    cases = [(voters, candidates, learned, gain), (voters, candidates, nowhere(), gain[:0])]
+    cases += [(nobody, candidates, learned, gain), (voters, nothing, learned, gain)]
+    return [(*case, GRID.numbers) for case in cases]
 
 
 def blobs(draws: torch.Generator) -> Tensor:
@@ -155,16 +155,16 @@ def describe() -> list[Case]:
     return [*cases, (X[:30], n[:30], None, 0.001, ring, "flat", False), (X[:0], n[:0], None, 0.02, ring, "flat", True)]
 
 
-COARSE = Lattice(reach=0.03, voxel=0.01, rotation_deg=60.0)
+COARSE = SE3Grid(reach=0.03, voxel=0.01, rotation_deg=60.0)
 
 
 def particles(n: int, draws: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
     """Slice, cell and success, crowded into a few cells."""
     direction = torch.nn.functional.normalize(torch.randn(n, 3, generator=draws), dim=1)
     turn = torch.nn.functional.normalize(torch.tensor([1.0, 0, 0, 0]) + 0.3 * torch.randn(n, 4, generator=draws), dim=1)
-    slice_ = torch.randint(SLICES, (n,), generator=draws)
-    slice_[slice_ == 2] = 3  # a slice without any
-    return slice_.int(), COARSE.index(direction * 0.012, turn).int(), torch.rand(n, generator=draws) < 0.3
+    partition = torch.randint(PARTITIONS, (n,), generator=draws)
+    partition[partition == 2] = 3  # a partition without any
+    return partition.int(), COARSE.index(direction * 0.012, turn).int(), torch.rand(n, generator=draws) < 0.3
 
 
 def dealt(draws: torch.Generator) -> list[list[Tensor]]:
@@ -176,15 +176,15 @@ def dealt(draws: torch.Generator) -> list[list[Tensor]]:
 def populate() -> list[Case]:
     """Objects in three groups, one of them empty; finer lattices need keys of 64 bits."""
     columns = dealt(generator())
-    return [(*columns, parts, SLICES, COARSE.numbers) for parts in ([2, 0, 2], [4])] + [
-        (*columns, [2, 1, 1], SLICES, Lattice(0.2, 0.005, 20.0).numbers)
+    return [(*columns, parts, PARTITIONS, COARSE.numbers) for parts in ([2, 0, 2], [4])] + [
+        (*columns, [2, 1, 1], PARTITIONS, SE3Grid(0.2, 0.005, 20.0).numbers)
     ]
 
 
 def spaces() -> tuple[Space, Space]:
     """Of two groups, and of one."""
     columns = dealt(generator())
-    two, one = (populate_operator.in_torch(*columns, parts, SLICES, COARSE.numbers) for parts in ([1, 3], [4]))
+    two, one = (populate_operator.in_torch(*columns, parts, PARTITIONS, COARSE.numbers) for parts in ([1, 3], [4]))
     return Space(*two), Space(*one)
 
 
@@ -195,11 +195,11 @@ def weights(sigma: float = 0.008, sigma_deg: float = 40.0) -> Weights:
 def analyse() -> list[Case]:
     """Asked of all, and of all but a group; of one group alone; and nothing."""
     draws = generator()
-    slice_, cell, _ = particles(500, draws)
-    slice_[:20] = 2
-    asked = Queries(slice_, cell, torch.randint(3, (500,), generator=draws))
+    partition, cell, _ = particles(500, draws)
+    partition[:20] = 2
+    asked = Queries(partition, cell, torch.randint(3, (500,), generator=draws))
     nothing, (two, one) = Queries(*(column[:0] for column in asked)), spaces()
-    alone = asked._replace(without=asked.without.clamp(max=1))
+    alone = asked._replace(excluded_group=asked.excluded_group.clamp(max=1))
     cases = [(two, 2, asked, weights()), (two, 2, asked, weights(0, 0)), (one, 1, alone, weights())]
     return [(*case, COARSE.numbers) for case in [*cases, (two, 2, nothing, weights())]]
 

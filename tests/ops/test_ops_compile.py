@@ -7,8 +7,8 @@ from torch import Tensor
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import GraspModel, kernel_of, learn, vote
 from spgf_torch.affordance.pairs import cell_pairs
-from spgf_torch.affordance.ranking import judge, point_gains, shrunk_mean
-from spgf_torch.affordance.voting import VotingIndex, polled
+from spgf_torch.affordance.ranking import point_gains, score_grasps, shrunk_mean
+from spgf_torch.affordance.voting import VotingIndex, vote_totals
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import spgf
 from spgf_torch.geometry import se3
@@ -46,7 +46,7 @@ def model(texlets: tuple[Tensor, Tensor], grasps: tuple[Tensor, Tensor]) -> Gras
 
 def test_scores_of_grasps(texlets: tuple[Tensor, Tensor], grasps: tuple[Tensor, Tensor], model: GraspModel) -> None:
     """All sizes are known: votes are added up and never listed. A feature that is not valid is moved out of reach."""
-    index = VotingIndex(model.condensed, model.lattice)
+    index = VotingIndex(model.condensed, model.grid)
     table, gains = index.table, point_gains(model.condensed, AFFORDANCE)
     assert len(table.cell)
 
@@ -54,8 +54,8 @@ def test_scores_of_grasps(texlets: tuple[Tensor, Tensor], grasps: tuple[Tensor, 
         features = spgf(X, n, FEATURES)
         away = (~features.valid * 1e3)[:, None, None] * torch.eye(4)[:, 3]
         ids = assign(features.relations(), model.centres)
-        found = polled(index, gains, features.T_object_feature + away.mT, ids, T, grasp_type)
-        return shrunk_mean(found.worth, found.votes, AFFORDANCE)
+        found = vote_totals(index, gains, features.T_object_feature + away.mT, ids, T, grasp_type)
+        return shrunk_mean(found.log_odds_gain, found.votes, AFFORDANCE)
 
     compiled = torch.compile(scores, fullgraph=True, backend="aot_eager")
     expected = scores(*texlets, *grasps)
@@ -66,7 +66,7 @@ def test_votes_that_are_listed(
     texlets: tuple[Tensor, Tensor], grasps: tuple[Tensor, Tensor], model: GraspModel
 ) -> None:
     """How many features are valid, pairs within reach and votes found depends on values: torch is told to allow it."""
-    index = VotingIndex(model.condensed, model.lattice)
+    index = VotingIndex(model.condensed, model.grid)
     assert len(index.table.cell)
 
     def scores(X: Tensor, n: Tensor, T: Tensor, grasp_type: Tensor) -> Tensor:
@@ -74,7 +74,7 @@ def test_votes_that_are_listed(
         poses, relations = features.T_object_feature[features.valid], features.relations()[features.valid]
         votes = vote(index, cell_pairs(poses, T, grasp_type, AFFORDANCE), assign(relations, model.centres))
         free = torch.zeros_like(grasp_type, dtype=torch.bool)
-        return judge(votes, model.condensed.base_rate, grasp_type, free, AFFORDANCE).log_odds
+        return score_grasps(votes, model.condensed.base_rate, grasp_type, free, AFFORDANCE).log_odds
 
     with torch._dynamo.config.patch(capture_dynamic_output_shape_ops=True):
         found = torch.compile(scores, fullgraph=True, backend="aot_eager")(*texlets, *grasps)

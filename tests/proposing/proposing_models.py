@@ -54,4 +54,4 @@ def learned(generator: torch.Generator, prototypes: int = 3) -> GraspModel:
     ids = torch.randint(prototypes, (40,), generator=generator)
     success = torch.rand(200, generator=generator) < 0.5
     model = learn([(pairs, ids, success)], centres(prototypes), AFFORDANCE)
-    return GraspModel(model.centres, model.condensed, model.lattice, model.calibration, SETTINGS)
+    return GraspModel(model.centres, model.condensed, model.grid, model.calibration, SETTINGS)

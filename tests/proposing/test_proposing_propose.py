@@ -10,15 +10,15 @@ from proposing_models import AFFORDANCE, CONFIG, SETTINGS, VOLUMES, centres, fea
 from spgf_torch.affordance.calibration import uncalibrated
 from spgf_torch.affordance.model import GraspModel
 from spgf_torch.affordance.neighbourhood import Condensed
-from spgf_torch.affordance.pairs import cell_pairs, lattice_of, points_of
-from spgf_torch.affordance.ranking import judge
+from spgf_torch.affordance.pairs import cell_pairs, grid_of, shape_grasp_particles
+from spgf_torch.affordance.ranking import score_grasps
 from spgf_torch.affordance.voting import cast_votes
 from spgf_torch.features.spgf import Features
 from spgf_torch.geometry import se3
-from spgf_torch.geometry.lattice import Lattice
+from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.proposing.clearance import Plane, Surroundings
-from spgf_torch.proposing.propose import Proposals, Proposer, propose
-from spgf_torch.proposing.spreading import same_grasp
+from spgf_torch.proposing.propose import Proposals, Proposer
+from spgf_torch.proposing.sampling import same_grasp
 from spgf_torch.sensing.texlets import Texlets
 
 NOTHING = torch.zeros(0, 3, dtype=torch.float64)
@@ -51,7 +51,7 @@ def same(a: Proposals, b: Proposals) -> bool:
     return ranked and torch.allclose(a.score, b.score, atol=1e-6) and a.voted_by == b.voted_by
 
 
-def single_point_model(lattice: Lattice, cell: int) -> GraspModel:
+def single_point_model(lattice: SE3Grid, cell: int) -> GraspModel:
     """Two prototypes; the one promising point is in the space of prototype 1 and WPG: 45 of 50 held, base 0.5."""
     condensed = Condensed(
         torch.tensor([0, 0, 0, 0, 1]),
@@ -69,7 +69,7 @@ def test_one_feature_and_one_particle_by_hand() -> None:
     The score is gain / (1 + 1000 votes of nothing). The probability takes the score of candidates, gain / (1 + 100),
     at its word: sigmoid(0.018275) = 0.50457. The feature of prototype 0 knows nothing.
     """
-    lattice = lattice_of(AFFORDANCE)
+    lattice = grid_of(AFFORDANCE)
     cell = lattice.index(torch.tensor([0.0, 0.0, 0.03]), torch.tensor([1.0, 0.1, 0.2, 0.3]) / math.sqrt(1.14))
     model = single_point_model(lattice, int(cell))
     T = torch.eye(4).repeat(2, 1, 1)
@@ -109,12 +109,12 @@ def test_scores_are_those_of_candidates(proposer: Proposer, model: GraspModel, f
     found = proposer.propose_from(features, NOTHING)
     pairs = cell_pairs(features.T_object_feature.float(), found.T_object_tcp, found.grasp_type, AFFORDANCE)
     ids = torch.cdist(features.relations(), model.centres).argmin(1)
-    votes = cast_votes(proposer.index, points_of(pairs, ids), pairs.grasp.long())
+    votes = cast_votes(proposer.index, shape_grasp_particles(pairs, ids), pairs.grasp.long())
     config = replace(AFFORDANCE, vote_shrinkage=CONFIG.vote_shrinkage)
     free = torch.zeros(len(found), dtype=torch.bool)
-    judged = judge(votes, model.condensed.base_rate, found.grasp_type, free, config)
-    assert torch.allclose(judged.log_odds, found.score, atol=1e-3)
-    assert (judged.votes - found.support).abs().max() <= 1  # float32 here: a pose may fall into the next cell
+    scores = score_grasps(votes, model.condensed.base_rate, found.grasp_type, free, config)
+    assert torch.allclose(scores.log_odds, found.score, atol=1e-3)
+    assert (scores.votes - found.support).abs().max() <= 1  # float32 here: a pose may fall into the next cell
     assert [sum(n for _, n in by) for by in found.voted_by] == found.support.tolist()
 
 
@@ -165,13 +165,13 @@ def test_nothing_to_propose(proposer: Proposer, model: GraspModel, features: Fea
     """No feature, no valid one, or a model that learned nothing: no proposals, and no error."""
     nobody = replace(features, valid=torch.zeros_like(features.valid))
     empty = Condensed(*(t[:0] for t in (model.condensed.cell,) * 4), model.condensed.base_rate)
-    blank = replace(model, condensed=replace(empty, slice_start=torch.zeros(7, dtype=torch.long)))
+    blank = replace(model, condensed=replace(empty, partition_start=torch.zeros(7, dtype=torch.long)))
     lone = Texlets(torch.zeros(1, 3), torch.tensor([[0.0, 0, 1]]))
     for found in (
         proposer.propose_from(nobody, NOTHING),
         Proposer.of(blank, CONFIG, VOLUMES).propose_from(features, NOTHING),
-        propose(model, lone, CONFIG, VOLUMES),
-        propose(model, Texlets(lone.positions[:0], lone.normals[:0]), CONFIG, VOLUMES),
+        Proposer.of(model, CONFIG, VOLUMES).propose(lone),
+        Proposer.of(model, CONFIG, VOLUMES).propose(Texlets(lone.positions[:0], lone.normals[:0])),
     ):
         assert len(found) == 0 and found.T_object_tcp.shape == (0, 4, 4) and found.voted_by == ()
         assert found.best(10)["CG"].tolist() == []
@@ -184,7 +184,7 @@ def test_from_texlets(model: GraspModel, generator: torch.Generator) -> None:
     normals = torch.nn.functional.normalize(
         torch.tensor([0.0, 0, 1]) + 0.1 * torch.randn(64, 3, generator=generator), dim=1
     )
-    found = propose(model, Texlets(torch.cat([grid, height], dim=1), normals), CONFIG, VOLUMES)
+    found = Proposer.of(model, CONFIG, VOLUMES).propose(Texlets(torch.cat([grid, height], dim=1), normals))
     assert len(found) > 0 and found.T_object_tcp.dtype == torch.float32
     assert found.support.dtype == found.grasp_type.dtype == torch.int64
     assert ((found.probability >= 0) & (found.probability <= 1)).all()

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from spgf_torch.ops import kmeans
+from spgf_torch.ops import assignment
 from spgf_torch.ops import lloyd as lloyd_operator
 from spgf_torch.ops.lloyd import nearest_of, reassign_empty
 from spgf_torch.prototypes.kmeans import (
@@ -61,7 +61,7 @@ def test_four_points_by_hand() -> None:
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 @pytest.mark.parametrize("size", [1 << 20, 16])
 def test_steps_equal_the_loops(dtype: torch.dtype, size: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(kmeans, "CHUNK", size)
+    monkeypatch.setattr(assignment, "CHUNK", size)
     monkeypatch.setattr(lloyd_operator, "PART", size)
     points, centres = (data.to(dtype) for data in random_data())
     ids, moved, total = lloyd_step_loop(points, centres)

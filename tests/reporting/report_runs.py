@@ -14,13 +14,13 @@ from spgf_torch.affordance.calibration import TERMS, Calibration
 from spgf_torch.affordance.config import RANKINGS
 from spgf_torch.affordance.model import GraspModel, save_model
 from spgf_torch.affordance.neighbourhood import Condensed
-from spgf_torch.cli.door import slug
-from spgf_torch.evaluation.files import FILES, RESULTS, write_per_object, write_predictions, write_results
-from spgf_torch.evaluation.novel import Novel
+from spgf_torch.cli.command import slug
+from spgf_torch.evaluation.files import FILES, RESULTS, write_per_object, write_results
+from spgf_torch.evaluation.predictions import Predictions, write_predictions
 from spgf_torch.evaluation.results import build_results
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.files.sealing import KEY
-from spgf_torch.geometry.lattice import Lattice
+from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.settings import plain, typed
 
 ROOT = Path(__file__).parents[2]
@@ -44,7 +44,7 @@ def train_config(K: int, **changes: object) -> TrainConfig:
     return typed(TrainConfig, {**defaults(), "prototypes": prototypes, "K": K, **changes})
 
 
-def novel_objects(skill: float, seed: int) -> list[Novel]:
+def predictions(skill: float, seed: int) -> list[Predictions]:
     """Predictions whose scores follow the outcome as closely as `skill` says."""
     rng = np.random.default_rng(seed)
     objects = []
@@ -54,7 +54,7 @@ def novel_objects(skill: float, seed: int) -> list[Novel]:
         probability = 1 / (1 + np.exp(-score))
         pose = np.column_stack([rng.normal(0, 0.03, (len(success), 3)), rng.normal(0, 1, (len(success), 4))])
         objects.append(
-            Novel(
+            Predictions(
                 name=name,
                 category=category,
                 fold=fold,
@@ -78,7 +78,7 @@ def tiny_model(K: int, config: TrainConfig) -> GraspModel:
     rings[:, 1, :] = 90, 180
     rings[1:, 1, :] = 10, 175
     rings[2:, 0, :9] = 90, 90
-    lattice = Lattice(0.1, 0.012, 22.5)
+    lattice = SE3Grid(0.1, 0.012, 22.5)
     points = 2 * K * 9
     cells = torch.randint(lattice.cells, (2 * K, 9), generator=torch.Generator().manual_seed(0)).sort().values.flatten()
     condensed = Condensed(
@@ -105,7 +105,7 @@ def write_run(
     folder.mkdir(parents=True)
     config = train_config(K, seed=seed, **changes)
     (folder / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.create(plain(config))))
-    objects = novel_objects(skill, seed + K)
+    objects = predictions(skill, seed + K)
     write_per_object(folder / "per_object.csv", objects, config.N)
     write_predictions(folder / "predictions.parquet", objects)
     write_results(folder, {**build_results(objects, config, dataset), "seconds": {"total": 1.0}})

@@ -13,7 +13,7 @@ from omegaconf import OmegaConf
 from PIL import Image
 from report_runs import ROOT, defaults, rewritten, without_ranking, write_run
 
-from spgf_torch.compare import run as door
+from spgf_torch.compare import run
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.reporting.config import CompareConfig
@@ -215,9 +215,9 @@ def test_the_learned_baseline_joins(runs: Path, tmp_path: Path) -> None:
     assert "no row of the learned baseline" in lines[-1]
 
 
-def test_the_door_writes_tables_and_a_figure(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_tables_and_a_figure(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "run").mkdir()
-    door(config(runs=str(runs), rankings=["paper"]), tmp_path / "run")
+    run(config(runs=str(runs), rankings=["paper"]), tmp_path / "run")
     out = capsys.readouterr().out
     assert "patch_pairs" in out and "all CG: " in out and max(map(len, out.splitlines()[:14])) <= 100
     text = (tmp_path / "run/comparison.md").read_text()

@@ -170,7 +170,7 @@ def _chance(run: Run, config: CompareConfig) -> tuple[Block, Bounds]:
     objects = _ranked(replace(run, by_ranking={"random": run.random}), "random")
     classes, rates = [row.category for row in objects], [row.rates["random"] for row in objects]
     interval = bootstrap_interval(classes, rates, config.bootstrap, config.seed)
-    bounds = {name: {kind: (low, high) for kind, (low, high) in row.items()} for name, row in interval.items()}
+    bounds = {category: {name: (low, high) for name, (low, high) in row.items()} for category, row in interval.items()}
     return class_means(classes, rates), bounds
 
 

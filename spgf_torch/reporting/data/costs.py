@@ -10,7 +10,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.evaluation.results import read_results
 from spgf_torch.reporting.data.runs import Run
 
-# Stages of `train` that runs with the same features share through the cache, and what of them is kept there.
+# ProgressReporter of `train` that runs with the same features share through the cache, and what of them is kept there.
 SHARED = {"features": "features", "particles": "pairs", "prototypes": "prototypes"}
 OWN = "voting"
 

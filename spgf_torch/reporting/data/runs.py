@@ -139,7 +139,7 @@ def read_run(folder: Path) -> Run:
             random_collision_free=_block(results["random_collision_free"]),
             ceiling=_block(results["ceiling"]),
             chosen={int(fold): checked_name(of, "chosen") for fold, of in results.get("chosen", {}).items()},
-            calibration={kind: _numbers(values) for kind, values in results.get("calibration", {}).items()},
+            calibration={grasp_type: _numbers(values) for grasp_type, values in results.get("calibration", {}).items()},
             digests=digests,
         )
     except InputError as error:
@@ -261,14 +261,14 @@ def _check_rates(results: Mapping[str, Any]) -> None:
             raise ValueError(f"no {key} of {str(missing[0])[:40]}")
     for ranking, block in rates.items():
         checked_name(ranking, "by_ranking")
-        for name, kind in ((name, kind) for name in block for kind in TYPES):
-            if kind not in block[name] or len(intervals.get(ranking, {}).get(name, {}).get(kind, ())) != 2:
-                raise ValueError(f"no {kind} of {name} by the ranking {ranking}")
+        for name, grasp_type in ((name, grasp_type) for name in block for grasp_type in TYPES):
+            if grasp_type not in block[name] or len(intervals.get(ranking, {}).get(name, {}).get(grasp_type, ())) != 2:
+                raise ValueError(f"no {grasp_type} of {name} by the ranking {ranking}")
 
 
 def _bounds(content: Mapping[str, Mapping[str, Sequence[float]]]) -> Bounds:
     return {
-        name: {kind: (_rate(low, name), _rate(high, name)) for kind, (low, high) in content[name].items()}
+        name: {grasp_type: (_rate(low, name), _rate(high, name)) for grasp_type, (low, high) in content[name].items()}
         for name in (*CLASSES, "all")
         if name in content
     }
@@ -294,7 +294,7 @@ def _rate(value: Any, where: str) -> float:
 
 
 def _object_row(row: Mapping[str, str], rankings: Mapping[str, Block]) -> ObjectRow:
-    rates = {name: {kind: float(row[f"{name}_{kind}"]) for kind in TYPES} for name in rankings}
+    rates = {name: {grasp_type: float(row[f"{name}_{grasp_type}"]) for grasp_type in TYPES} for name in rankings}
     if odd := [f"{rate:g}" for of in rates.values() for rate in of.values() if not 0 <= rate <= 1]:
         raise ValueError(f"a rate of {odd[0]}")
     if row["class"] not in CLASSES:

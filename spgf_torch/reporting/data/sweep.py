@@ -93,7 +93,7 @@ def difference(
     classes = [mine.category for mine, _ in shared]
     mine, theirs = ([pair[side].rates[ranking] for pair in shared] for side in (0, 1))
     mean, interval = paired_difference(classes, mine, theirs, resamples, seed)
-    bounds = {name: {kind: (low, high) for kind, (low, high) in row.items()} for name, row in interval.items()}
+    bounds = {category: {name: (low, high) for name, (low, high) in row.items()} for category, row in interval.items()}
     return Difference(len(shared), mean, bounds)
 
 

@@ -89,10 +89,10 @@ def learned_grasps(model: GraspModel, prototype: int, kind: str, opening: float,
     best-supported points, so that what works and what does not are both seen.
     """
     s = prototype * len(GRASP_TYPES) + GRASP_TYPES.index(kind)
-    start, stop = (int(model.condensed.slice_start[i]) for i in (s, s + 1))
+    start, stop = (int(model.condensed.partition_start[i]) for i in (s, s + 1))
     supported = model.condensed.support[start:stop]
     pool = supported.topk(min(POOL, len(supported))).indices
-    position, quaternion = (t.numpy() for t in model.lattice.centres(model.condensed.cell[start:stop][pool].cpu()))
+    position, quaternion = (t.numpy() for t in model.grid.centres(model.condensed.cell[start:stop][pool].cpu()))
     probability, support = (t[pool].numpy() for t in (model.condensed.probability[start:stop], supported))
     best = np.argsort(-probability, kind="stable")[: max(len(pool) // 8, count // 2)]
     chosen = spread(position[best], quaternion[best], count // 2)

@@ -56,7 +56,7 @@ class Pieces:
 
 
 @dataclass(frozen=True)
-class Texels:
+class Texlets:
     """The texlets of an object: positions (N, 3) m, normals (N, 3), prototype ids (N,)."""
 
     name: str
@@ -158,14 +158,14 @@ def prototypes(shapes: Sequence[tuple[Ring, Ring]], names: Sequence[str]) -> Fig
     return sheet.figure
 
 
-def objects(shown: Sequence[Texels], names: Sequence[str], colours: Sequence[str]) -> Figure:
+def objects(shown: Sequence[Texlets], names: Sequence[str], colours: Sequence[str]) -> Figure:
     """Fig. 11: texlets that face the camera, coloured by prototype; the legend names those that occur."""
     sheet = Sheet.of(len(shown), 3, panel=(2.5, 2.5), right=1.45)
     palette = np.array([to_rgb(colour) for colour in colours])
-    for i, texels in enumerate(shown):
-        sheet.title(i, texels.name.replace("_", " "))
-        _texels(sheet, i, texels, palette)
-    occurring = {int(k) for texels in shown for k in texels.ids}
+    for i, texlets in enumerate(shown):
+        sheet.title(i, texlets.name.replace("_", " "))
+        _texels(sheet, i, texlets, palette)
+    occurring = {int(k) for texlets in shown for k in texlets.ids}
     order = sorted(occurring, key=lambda k: (FAMILIES.index(family_of(names[k])), k))
     dots = [Line2D([], [], marker="o", linestyle="", color=colours[k], label=names[k]) for k in order]
     with mpl.rc_context(LETTERS):
@@ -274,16 +274,16 @@ def _mesh(mesh: trimesh.Trimesh) -> Pieces:
     return Pieces(np.concatenate([corners, corners[:, -1:]], axis=1), colours, np.zeros(len(corners)))
 
 
-def _texels(sheet: Sheet, panel: int, texels: Texels, palette: np.ndarray) -> None:
+def _texels(sheet: Sheet, panel: int, texlets: Texlets, palette: np.ndarray) -> None:
     view = camera(ABOVE)
-    middle = (texels.positions.min(axis=0) + texels.positions.max(axis=0)) / 2
-    seen = (texels.positions - middle) @ view.T
-    front = texels.normals @ view[2] > 0
+    middle = (texlets.positions.min(axis=0) + texlets.positions.max(axis=0)) / 2
+    seen = (texlets.positions - middle) @ view.T
+    front = texlets.normals @ view[2] > 0
     order = np.flatnonzero(front)[np.argsort(seen[front, 2])]
     half = 1.06 * float(np.abs(seen[:, :2]).max())
     at = sheet.placed(panel, seen[order, :2], (half, -half, half))
     size = TEXLET / half * sheet.panel[0] / 2 * 72  # points
-    sheet.axis.scatter(at[:, 0], at[:, 1], s=size**2, c=palette[texels.ids[order]], linewidths=0)
+    sheet.axis.scatter(at[:, 0], at[:, 1], s=size**2, c=palette[texlets.ids[order]], linewidths=0)
 
 
 def _joined(parts: Sequence[Pieces]) -> Pieces:

@@ -25,7 +25,7 @@ from spgf_torch.drawing.style import (
 )
 from spgf_torch.prototypes.naming import FAMILIES, family_of
 from spgf_torch.reporting.figures.learned import LAYERS, Grasps, Ring
-from spgf_torch.reporting.figures.scenes import Held, Texels
+from spgf_torch.reporting.figures.scenes import Held, Texlets
 
 DIGITS = 2  # of coordinates in mm
 
@@ -51,12 +51,12 @@ def grasp_view(shapes: Sequence[tuple[Ring, Ring]], learned: Sequence[Grasps], n
     return View("prototype", tuple(names), tuple(traces), 85, first)
 
 
-def object_view(shown: Sequence[Texels], names: Sequence[str], colours: Sequence[str]) -> View:
+def object_view(shown: Sequence[Texlets], names: Sequence[str], colours: Sequence[str]) -> View:
     """Fig. 11: an object's texlets, a trace a prototype, so that a click on the legend hides one."""
     traces = []
-    for texels in shown:
-        found = sorted(map(int, np.unique(texels.ids)), key=lambda k: (FAMILIES.index(family_of(names[k])), k))
-        traces.append([_dots(texels.positions[texels.ids == k], names[k], colours[k]) for k in found])
+    for texlets in shown:
+        found = sorted(map(int, np.unique(texlets.ids)), key=lambda k: (FAMILIES.index(family_of(names[k])), k))
+        traces.append([_dots(texlets.positions[texlets.ids == k], names[k], colours[k]) for k in found])
     return View("object", tuple(t.name.replace("_", " ") for t in shown), tuple(traces))
 
 

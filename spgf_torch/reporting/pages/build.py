@@ -10,14 +10,15 @@ from typing import TypeVar
 from spgf_torch.affordance.model import load_model
 from spgf_torch.drawing.page import Section, page
 from spgf_torch.errors import InputError
+from spgf_torch.evaluation.predictions import Predictions
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
 from spgf_torch.paths import find
-from spgf_torch.progress import Stages
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.reporting.config import ReportConfig
-from spgf_torch.reporting.data.predictions import Candidates, read_predictions
+from spgf_torch.reporting.data.predictions import predictions_of
 from spgf_torch.reporting.data.runs import Notes, Run
 from spgf_torch.reporting.data.sweep import find_sweep
 from spgf_torch.reporting.pages.context import Context, Part, choose, tell_replaced
@@ -31,7 +32,9 @@ T = TypeVar("T")
 TITLE = "Learning successful grasps from local shape: what the runs show"
 
 
-def build(config: ReportConfig, runs: Sequence[Run], folder: Path, stages: Stages, notes: Notes) -> list[Group]:
+def build(
+    config: ReportConfig, runs: Sequence[Run], folder: Path, stages: ProgressReporter, notes: Notes
+) -> list[Group]:
     """Write the report on `runs` (oldest first) into `folder`; returns Table 1.
 
     What cannot be used is noted in a line each and leaves its figures out. Raises InputError where `show` is no K of
@@ -54,7 +57,7 @@ def build(config: ReportConfig, runs: Sequence[Run], folder: Path, stages: Stage
     return groups
 
 
-def _rates(context: Context, groups: list[Group], stages: Stages) -> list[Part]:
+def _rates(context: Context, groups: list[Group], stages: ProgressReporter) -> list[Part]:
     with stages.stage("rates", 4, "parts") as advance:
         return _made(
             [
@@ -68,10 +71,10 @@ def _rates(context: Context, groups: list[Group], stages: Stages) -> list[Part]:
         )
 
 
-def _grasps_and_model(context: Context, stages: Stages) -> list[Part]:
+def _grasps_and_model(context: Context, stages: ProgressReporter) -> list[Part]:
     """The parts of the shown run; in place of those whose files cannot be used stands a sentence."""
     library = _usable(context, lambda: _library(context)) or {}
-    objects = _usable(context, lambda: read_predictions(context.shown, context.ranking))
+    objects = _usable(context, lambda: predictions_of(context.shown, context.ranking))
     prototypes = _usable(context, lambda: _prototypes(context))
     steps = [*_model_steps(context, prototypes, library), *_grasp_steps(context, objects, library)]
     with stages.stage("figures", len(steps), "figures") as advance:
@@ -91,7 +94,7 @@ def _model_steps(
 
 
 def _grasp_steps(
-    context: Context, objects: list[Candidates] | None, library: dict[str, GraspObject]
+    context: Context, objects: list[Predictions] | None, library: dict[str, GraspObject]
 ) -> list[Callable[[], Part]]:
     if objects is None:
         return [lambda: _missing("precision", "Single grasps", context, "no predictions that can be read")]

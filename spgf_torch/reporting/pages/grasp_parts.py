@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from spgf_torch.drawing.page import Section, caption, chart, drawn, picture, png, table, turning
+from spgf_torch.evaluation.predictions import Predictions
 from spgf_torch.evaluation.reliability import BINS, reliability
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.reporting.data.predictions import (
-    Candidates,
     ceilings_at,
     class_curves,
     mean_curves,
@@ -33,15 +33,15 @@ SCORES = {
 }
 
 
-def precision_part(context: Context, objects: Sequence[Candidates]) -> Part:
+def precision_part(context: Context, objects: Sequence[Predictions]) -> Part:
     """Precision at N."""
     config, run = context.config, context.shown
-    classes = [candidates.category for candidates in objects]
+    classes = [predictions.category for predictions in objects]
 
     def at(ranking: str) -> np.ndarray:
-        return precision_at(objects, ranking, run.chosen, config.precision)
+        return precision_at(objects, ranking, config.precision)
 
-    shared = context.ranking != PAPER and all(PAPER in candidates.scores for candidates in objects)
+    shared = context.ranking != PAPER and all(PAPER in predictions.scores for predictions in objects)
     curves = Precision(
         class_curves(classes, at(context.ranking), config.bootstrap, config.seed),
         mean_curves(classes, at(PAPER)) if shared else None,
@@ -58,7 +58,7 @@ def precision_part(context: Context, objects: Sequence[Candidates]) -> Part:
     return Part(Section("precision", "Precision at N", body), {"precision_at_n.png": png(drawn(figure))})
 
 
-def reliability_part(context: Context, objects: Sequence[Candidates]) -> Part:
+def reliability_part(context: Context, objects: Sequence[Predictions]) -> Part:
     """Reliability before and after calibration."""
     known = {kind: probabilities(objects, kind) for kind in GRASP_TYPES}
     before, after = (
@@ -80,20 +80,20 @@ def reliability_part(context: Context, objects: Sequence[Candidates]) -> Part:
 
 
 def worst_part(
-    context: Context, objects: Sequence[Candidates], library: Mapping[str, GraspObject], openings: Mapping[str, float]
+    context: Context, objects: Sequence[Predictions], library: Mapping[str, GraspObject], openings: Mapping[str, float]
 ) -> Part:
     """The objects with the fewest successes among their highest-ranked grasps, pictured."""
     n = context.shown.N
-    tops = [(c, c.ranked(context.ranking, context.shown.chosen, "CG", n)) for c in objects]
-    failing = [(c, top) for c, top in tops if not c.success[top].all()]
+    tops = [(o, o.ranked(context.ranking, "CG", n)) for o in objects]
+    failing = [(o, top) for o, top in tops if not o.success[top].all()]
     failing.sort(key=lambda pair: (pair[0].success[pair[1]].mean(), pair[0].name))
-    if absent := [c.name for c, _ in failing if c.name not in library]:
+    if absent := [o.name for o, _ in failing if o.name not in library]:
         context.tell(f"worst objects: expected descriptions of {', '.join(absent)}, got none; not pictured")
     pictured = [pair for pair in failing if pair[0].name in library][: context.config.worst]
     title = "Worst objects"
     if not pictured:
         return Part(Section("worst", title, "<p>No object to picture: every highest-ranked grasp was held.</p>"))
-    shown = [_held(c, top, library[c.name], openings) for c, top in pictured]
+    shown = [_held(o, top, library[o.name], openings) for o, top in pictured]
     shown_as = drawn(worst(shown))
     words = caption(
         f"The objects with the lowest CG by the ranking <code>{html.escape(context.ranking)}</code>, K = "
@@ -104,6 +104,6 @@ def worst_part(
     return Part(Section("worst", title, body), {"worst_objects.png": png(shown_as)})
 
 
-def _held(candidates: Candidates, top: np.ndarray, obj: GraspObject, openings: Mapping[str, float]) -> Held:
-    wide = [openings[GRASP_TYPES[code]] for code in candidates.grasp_type[top]]
-    return Held.of(candidates.name, obj.mesh, candidates.T_object_tcp[top], wide, candidates.success[top])
+def _held(predictions: Predictions, top: np.ndarray, obj: GraspObject, openings: Mapping[str, float]) -> Held:
+    wide = [openings[GRASP_TYPES[code]] for code in predictions.grasp_type[top]]
+    return Held.of(predictions.name, obj.mesh, predictions.T_object_tcp[top], wide, predictions.success[top])

@@ -147,8 +147,8 @@ def some_objects(library: Mapping[str, GraspObject], each: int) -> list[GraspObj
 
 def _texels(
     obj: GraspObject, model: GraspModel, sensing: SensingConfig, features: FeatureConfig, seed: int
-) -> scenes.Texels:
+) -> scenes.Texlets:
     texlets = sense(obj, sensing, seed)
     found = spgf(texlets.positions, texlets.normals, features, torch.Generator().manual_seed(seed))
     ids = assign(found.relations(), model.centres)
-    return scenes.Texels(obj.name, texlets.positions.numpy(), texlets.normals.numpy(), ids.numpy())
+    return scenes.Texlets(obj.name, texlets.positions.numpy(), texlets.normals.numpy(), ids.numpy())

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import html
 
-from spgf_torch.affordance.config import JUDGE
+from spgf_torch.affordance.config import JUDGE, NESTED
 from spgf_torch.drawing.page import Section, caption, chart, drawn, png, table
 from spgf_torch.evaluation import paper
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.config import CLASSES
-from spgf_torch.reporting.data.predictions import NESTED
 from spgf_torch.reporting.data.runs import Run
 from spgf_torch.reporting.figures.charts import success_over_k
 from spgf_torch.reporting.pages.ablations import (

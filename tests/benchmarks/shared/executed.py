@@ -17,7 +17,7 @@ from shared.votes_beside import beyond_geometry, examples, proposer_of
 from spgf_torch.judging.rows import COLLISION, SUCCESS
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.proposing.judge_features import judge_features
-from spgf_torch.proposing.spreading import suppress
+from spgf_torch.proposing.sampling import non_maximum_suppression
 from spgf_torch.threads import in_parts
 
 # The judge's best hypotheses of a cloud, which others rank again.
@@ -51,7 +51,7 @@ class Offered:
 def best(poses: Hypotheses, p: Tensor, made: Tried) -> Tensor:
     """Indices (<= 10,) of the most probable, no two of the same grasp."""
     alike, config = torch.zeros(len(p), dtype=torch.int64), made.config.proposing
-    return suppress(poses.T, alike, p.float(), config.apart, config.apart_deg)[:BEST]
+    return non_maximum_suppression(poses.T, alike, p.float(), config.apart, config.apart_deg)[:BEST]
 
 
 def chosen_in(made: Tried, clouds: Sequence[Described], folds: Mapping, names: Sequence[str]) -> list[Chosen]:
@@ -100,7 +100,7 @@ def with_votes(made: Tried, clouds: Sequence[Described], folds: Mapping) -> tupl
 def best_of_all(poses: Hypotheses, p: Tensor, made: Tried) -> Tensor:
     """As `best`, all of them."""
     alike, config = torch.zeros(len(p), dtype=torch.int64), made.config.proposing
-    return suppress(poses.T, alike, p.float(), config.apart, config.apart_deg)
+    return non_maximum_suppression(poses.T, alike, p.float(), config.apart, config.apart_deg)
 
 
 def executed(made: Tried, chosen: Sequence[Chosen]) -> list[Tensor]:

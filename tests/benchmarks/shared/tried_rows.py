@@ -23,13 +23,13 @@ from spgf_torch.judging.rounds import choose
 from spgf_torch.judging.rows import SAMPLED, SUCCESS, Bench, Chosen, Rows
 from spgf_torch.judging.trying import tried
 from spgf_torch.objects.folders import read_objects
-from spgf_torch.progress import Stages, show
+from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.settings import typed
-from spgf_torch.simulation.attempts import Trials
-from spgf_torch.simulation.execute import origin, sample
+from spgf_torch.simulation.execute import provenance_of, sample
 from spgf_torch.simulation.table import TrialTable, pose_matrix
+from spgf_torch.simulation.worker import Trials
 from spgf_torch.threads import in_parts
 
 
@@ -84,7 +84,7 @@ def tried_with(run: Path, cache: Path, objects: str, trials: str) -> Tried:
     values = yaml_values(run / "config.yaml", "the settings of a run of judge", sealed=True)
     config = typed(JudgeConfig, {k: v for k, v in values.items() if k in JudgeConfig.__dataclass_fields__})
     config = replace(config, objects=objects, trials=config.trials and trials, workers=2)
-    stages, proposing = Stages(), config.proposing
+    stages, proposing = ProgressReporter(), config.proposing
     found = read_objects(config, stages, Cache(None)).objects
     clearance = Clearance(
         open_hand(config.hand), proposing.plane_clearance, proposing.between, proposing.obstacle_clearance
@@ -123,7 +123,7 @@ def _random(made: Tried) -> list[Chosen]:
             poses.append(Hypotheses(table.T_object_tcp[at], table.grasp_type[at]))
     else:
         for obj in objects:
-            sampled = sample(obj, origin(obj, made.trials, config.sampler, config.candidates, config.seed))
+            sampled = sample(obj, provenance_of(obj, made.trials, config.sampler, config.candidates, config.seed))
             kind = torch.arange(len(GRASP_TYPES)).repeat_interleave(config.candidates)
             poses.append(Hypotheses(pose_matrix(sampled.position, sampled.quaternion), kind))
     nowhere = [torch.full((len(its),), -1) for its in poses]

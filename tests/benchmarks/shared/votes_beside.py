@@ -12,20 +12,19 @@ from shared.spgf_numbers import Described
 from shared.tried_rows import Tried, trials_of
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.pairs import cell_pairs
-from spgf_torch.affordance.voting import polled
-from spgf_torch.experiment.describe import Described as Sensed
+from spgf_torch.affordance.voting import vote_totals
+from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.experiment.learning import learn_model
-from spgf_torch.experiment.training_set import Example
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.interface import VectorFeatures
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.proposing.judge_features import in_images
 from spgf_torch.proposing.propose import Proposer, Voters
-from spgf_torch.proposing.spreading import same_grasp
+from spgf_torch.proposing.sampling import same_grasp
 from spgf_torch.settings import plain, settings
 
 
-def examples(made: Tried, clouds: Sequence[Described], share: float = 1.0) -> list[Example]:
+def examples(made: Tried, clouds: Sequence[Described], share: float = 1.0) -> list[DescribedObject]:
     """Each object as votes learn from it: seen alone from most sides, with the trials `trials_of` (made, share)."""
     config, found = settings(AffordanceConfig), []
     for bench, (poses, success) in zip(made.benches, trials_of(made, share), strict=True):
@@ -34,11 +33,11 @@ def examples(made: Tried, clouds: Sequence[Described], share: float = 1.0) -> li
         frames, relations = cloud.frames[cloud.valid], cloud.relations[cloud.valid]
         generator = torch.Generator().manual_seed(bench.index)
         pairs = cell_pairs(frames, poses.T.float(), poses.grasp_type, config, generator)
-        found.append(Example(Sensed(relations, pairs, torch.zeros_like(success)), success))
+        found.append(DescribedObject(relations, pairs, torch.zeros_like(success), success))
     return found
 
 
-def proposer_of(made: Tried, its: Sequence[Example], centres: Tensor) -> Proposer:
+def proposer_of(made: Tried, its: Sequence[DescribedObject], centres: Tensor) -> Proposer:
     """Votes learned from these objects, ready to propose."""
     affordance = settings(AffordanceConfig)
     about = {"affordance": plain(affordance), "features": plain(settings(FeatureConfig))}
@@ -53,14 +52,16 @@ def voters_of(proposer: Proposer, cloud: Described) -> Voters:
 def said(proposer: Proposer, cloud: Described, poses: Hypotheses) -> Tensor:
     """(H, 2) f32: the votes' mean log-odds gain, as it ranks proposals, and log(1 + votes)."""
     voters = voters_of(proposer, cloud)
-    found = polled(
+    found = vote_totals(
         proposer.index, proposer.gains, voters.T_object_feature, voters.prototype, poses.T.float(), poses.grasp_type
     )
-    mean = found.worth / (found.votes + proposer.config.vote_shrinkage)
+    mean = found.log_odds_gain / (found.votes + proposer.config.vote_shrinkage)
     return torch.stack([mean, torch.log1p(found.votes.float())], dim=1).float()
 
 
-def votes(made: Tried, clouds: Sequence[Described], centres: Tensor, taught: Tensor, its: Sequence[Example]) -> Tensor:
+def votes(
+    made: Tried, clouds: Sequence[Described], centres: Tensor, taught: Tensor, its: Sequence[DescribedObject]
+) -> Tensor:
     """(R, 2) `said` of all rows, by votes of the objects of the mask (objects,) that are not of the row's own fold."""
     fold, found = torch.from_numpy(made.fold), torch.zeros(len(made.rows), 2)
     for group in range(made.config.folds):

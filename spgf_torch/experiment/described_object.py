@@ -1,0 +1,71 @@
+"""One object as the learner sees it: features, their pairs with the grasps on it, and their outcomes if known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from spgf_torch.affordance.pairs import CellPairs
+from spgf_torch.affordance.particles import known_outcomes
+from spgf_torch.hands.config import GRASP_TYPES
+
+
+@dataclass(frozen=True)
+class DescribedObject:
+    """One object as the learner sees it.
+
+    Attributes:
+        relations (F, D) f32: the relational part of its features.
+        pairs: its features' pairs with the grasps.
+        collides (G,) bool: a sensed point lies inside the open hand.
+        success (G,) bool: how the grasps ended; None where nobody tried them.
+    """
+
+    relations: Tensor
+    pairs: CellPairs
+    collides: Tensor
+    success: Tensor | None = None
+
+    def __len__(self) -> int:
+        """How many grasps."""
+        return len(self.collides)
+
+    @property
+    def grasp_type(self) -> Tensor:
+        """(G,) int64: index into `config.GRASP_TYPES`."""
+        return self.pairs.grasp_type
+
+    @property
+    def outcomes(self) -> Tensor:
+        """(G,) bool: `success`. Raises ValueError where nobody tried the grasps."""
+        return known_outcomes(self.success)
+
+    def with_success(self, success: Tensor) -> DescribedObject:
+        """With the outcomes (G,) bool of its grasps."""
+        return replace(self, success=success.to(self.collides.device))
+
+    def of_grasps(self, chosen: Tensor) -> DescribedObject:
+        """With the grasps `chosen` (C,) int64, ascending, alone."""
+        if len(chosen) == len(self):
+            return self
+        success = None if self.success is None else self.success[chosen]
+        return DescribedObject(self.relations, self.pairs.of_grasps(chosen), self.collides[chosen], success)
+
+    def sample(self, count: int, generator: torch.Generator) -> Tensor:
+        """At most `count` of its grasps, drawn at random: indices (C,) int64, ascending."""
+        drawn = torch.randperm(len(self), generator=generator)[:count]
+        return drawn.sort().values.to(self.collides.device)
+
+    def sample_of_each_type(self, count: int, generator: torch.Generator) -> Tensor:
+        """At most `count` of its grasps of each type, drawn at random: indices (C,) int64, ascending."""
+        return sample_of_each_type(self.grasp_type, count, generator)
+
+
+def sample_of_each_type(grasp_type: Tensor, count: int, generator: torch.Generator) -> Tensor:
+    """At most `count` grasps of each type, of types (G,), drawn at random: indices (C,) int64, ascending."""
+    order = torch.randperm(len(grasp_type), generator=generator).to(grasp_type.device)
+    shuffled = grasp_type[order]
+    drawn = [order[shuffled == code][:count] for code in range(len(GRASP_TYPES))]
+    return torch.cat(drawn).sort().values

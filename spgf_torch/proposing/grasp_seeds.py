@@ -1,0 +1,64 @@
+"""Seed grasps of a learned shape-grasp space: its best points of each prototype and grasp type, far from each other.
+
+They depend on the model alone. Each seed of a prototype, placed at each feature of that prototype, is a hypothesis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from spgf_torch.affordance.model import GraspModel
+from spgf_torch.geometry import se3
+from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.proposing.config import ProposingConfig
+from spgf_torch.proposing.sampling import non_maximum_suppression
+
+
+@dataclass(frozen=True)
+class GraspSeeds:
+    """Promising points, ordered by partition (prototype * number of types + type), then from the best down.
+
+    Attributes:
+        start (S + 1,) int64: points of partition s are start[s] : start[s + 1].
+        T_feature_grasp (P, 4, 4) f32: at the centres of the points' cells.
+    """
+
+    start: Tensor
+    T_feature_grasp: Tensor
+
+    def hypotheses(self, T_object_feature: Tensor, prototype: Tensor) -> tuple[Tensor, Tensor]:
+        """Place the seeds at features (F, 4, 4) of prototypes (F,) int64: T_object_grasp (H, 4, 4), type (H,) int64.
+
+        Ordered by feature, then type, then seed.
+        """
+        types = torch.arange(len(GRASP_TYPES), device=prototype.device)
+        partitions = (prototype.unsqueeze(1) * len(GRASP_TYPES) + types).flatten()
+        counts = self.start.diff()[partitions]
+        which = torch.repeat_interleave(torch.arange(len(partitions), device=prototype.device), counts)  # (H,)
+        within = torch.arange(len(which), device=prototype.device) - (counts.cumsum(0) - counts)[which]
+        point = self.start[partitions[which]] + within
+        T_feature_grasp = self.T_feature_grasp[point].to(T_object_feature.dtype)
+        return T_object_feature[which // len(GRASP_TYPES)] @ T_feature_grasp, which % len(GRASP_TYPES)
+
+
+def grasp_seeds(model: GraspModel, gain: Tensor, config: ProposingConfig) -> GraspSeeds:
+    """Choose points that are better than their type's base rate and well supported.
+
+    Of each partition the `pool` points of the highest gain (P,) f32 (`ranking.point_gains`: shrunk by the support) and
+    at least `point_support` particles are merged by non-maximum suppression, and the first `points` stay.
+    """
+    condensed = model.condensed
+    promising = (gain > 0) & (condensed.support >= config.point_support)
+    chosen, counts = [], [0]
+    for s in range(len(condensed.partition_start) - 1):
+        first, end = condensed.partition_start[s : s + 2].tolist()
+        point = first + promising[first:end].nonzero()[:, 0]
+        point = point[torch.argsort(gain[point], descending=True, stable=True)[: config.pool]]
+        T = se3.pose(*model.grid.centres(condensed.cell[point]))
+        kept = non_maximum_suppression(T, torch.zeros_like(point), gain[point], config.point_distance, config.point_deg)
+        chosen.append(T[kept[: config.points]])
+        counts.append(len(chosen[-1]))
+    return GraspSeeds(torch.tensor(counts, device=gain.device).cumsum(0), torch.cat(chosen))

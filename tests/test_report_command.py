@@ -1,0 +1,124 @@
+"""`python -m spgf_torch.report` from the outside: every file it leaves, and the page in a real browser."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from commands import call
+
+sys.path.insert(0, str(Path(__file__).parent / "reporting"))
+from report_runs import write_run
+
+from spgf_torch.progress import ProgressReporter
+from spgf_torch.reporting.config import ReportConfig
+from spgf_torch.reporting.data.runs import Notes, load_runs
+from spgf_torch.reporting.pages.build import build
+
+ROOT = Path(__file__).parents[1]
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+PICTURES = [
+    *("fig09_success_over_K", "fig10_prototypes", "fig11_objects", "fig12_NPG", "fig13_WPG"),
+    *("reliability", "precision_at_n", "worst_objects"),
+]
+TABLES = ["table1.md", "table1.csv", "table1.tex", "ablations.md", "ablations.csv"]
+SMALL = ["objects=1", "worst=2", "grasps=6", "precision=20", "bootstrap=200"]
+QUIET = [
+    *("--headless", "--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader"),
+    *("--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run", "--disable-background-networking"),
+    *("--disable-component-update", "--disable-sync", "--enable-logging=stderr", "--hide-scrollbars"),
+    *("--window-size=1280,3000", "--timeout=20000"),
+]
+# Draws at once what the page draws one after another, before the browser takes its picture; then presses every button.
+PRESS = """<script>
+for (const view of waiting.splice(0)) start(view);
+for (const button of document.querySelectorAll(".view button")) button.click();
+console.info(`views drawn: ${document.querySelectorAll(".view .gl-container canvas").length}`);
+</script>"""
+
+
+def report(*overrides: str, cwd: Path) -> subprocess.CompletedProcess:
+    return call("report", *overrides, cwd=cwd, COLUMNS="100", PYTHONWARNINGS="default")
+
+
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess]:
+    """A report on a sweep of two K with a variant, an interrupted run, one of other data, and a torn model."""
+    folder = tmp_path_factory.mktemp("report")
+    runs = folder / "outputs/train"
+    write_run(runs / "2026-01-01_00-00-00.000000_a", K=3, skill=2)
+    write_run(runs / "2026-01-01_00-00-01.000000_b", K=5, skill=1, model=False)
+    write_run(runs / "2026-01-01_00-00-02.000000_c", K=3, skill=0, model=False, folds=2)
+    write_run(runs / "2026-01-01_00-00-00.500000_d", K=10, model=False, dataset="other")
+    write_run(runs / "2026-01-01_00-00-03.000000_e", K=3, model=False)
+    (runs / "2026-01-01_00-00-03.000000_e/results.json").unlink()
+    return folder / "outputs/report/latest", report(*SMALL, cwd=folder)
+
+
+def test_every_file_is_there_and_nothing_half_written(
+    reported: tuple[Path, subprocess.CompletedProcess],
+) -> None:
+    folder, done = reported
+    assert done.returncode == 0, done.stderr
+    expected = {"index.html", "config.yaml", *TABLES, *(f"{name}.png" for name in PICTURES)}
+    assert {path.name for path in folder.iterdir()} == expected
+    for name in PICTURES:
+        assert (folder / f"{name}.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert "folds = 2 (3)" in (folder / "ablations.md").read_text()
+    assert "K = 5, paper" in done.stdout and "index.html" in done.stdout
+    told = [line for line in done.stderr.splitlines() if line.startswith("report:")]
+    assert len(told) == 2 and "interrupted" in told[0] and "other objects" in told[1]
+    assert "Warning" not in done.stderr, done.stderr
+
+
+def test_the_page_needs_nothing_else(reported: tuple[Path, subprocess.CompletedProcess]) -> None:
+    text = (reported[0] / "index.html").read_text()
+    assert len(text.encode()) <= 15e6
+    assert text.count("plotly.js v") == 1  # the banner of the library
+    own = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)  # plotly.js itself has addresses, unused
+    assert not re.search(r"""(src|href)=["']?(https?:)?//|url\(["']?(https?:)?//|@import""", own)
+    assert own.count('class="view"') == 5 and "wall 1" in own and "interrupted" in own
+    assert {"summary", "table1", "choice", "fig9", "fig10", "worst", "ablations"} <= set(re.findall(r'id="(\w+)"', own))
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no chromium, chromium-browser or google-chrome here")
+def test_a_browser_opens_the_page_without_errors(
+    reported: tuple[Path, subprocess.CompletedProcess], tmp_path: Path
+) -> None:
+    """No virtual time: with WebGL drawn in software, Chromium's now and then stands still."""
+    page, picture = tmp_path / "page.html", tmp_path / "page.png"
+    page.write_text((reported[0] / "index.html").read_text() + PRESS)
+    command = [str(BROWSER), *QUIET, f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={picture}"]
+    done = subprocess.run([*command, page.as_uri()], capture_output=True, text=True, timeout=100)
+    console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    assert any('"views drawn: 5"' in line for line in console), done.stderr
+    assert not [line for line in console if re.search("Error|Uncaught|ERR_|WebGL is not supported", line)]
+    assert picture.stat().st_size > 50_000
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"), [(["runs=nowhere"], ["runs", "nowhere"]), (["worst=0"], ["worst", "1 to 100", "got 0"])]
+)
+def test_unusable_input_is_one_line(overrides: list[str], words: list[str], tmp_path: Path) -> None:
+    done = report(*overrides, cwd=tmp_path)
+    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert all(word in done.stderr for word in words)
+    assert not list(tmp_path.glob("outputs/report/*"))
+
+
+def test_torn_files_leave_their_figures_out(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "run", K=3)
+    (run / "model.safetensors").write_bytes(b"torn")
+    (run / "predictions.parquet").write_bytes(b"torn")
+    rates = ["nested", "paper"]
+    config = ReportConfig(
+        str(run), rates[0], rates, None, objects=1, worst=1, grasps=4, precision=5, bootstrap=100, seed=0
+    )
+    notes = Notes()
+    build(config, load_runs(config.runs, notes), tmp_path, ProgressReporter(), notes)
+    assert {"index.html", "table1.md"} <= {path.name for path in tmp_path.iterdir()}
+    assert not list(tmp_path.glob("fig1*")) and not (tmp_path / "reliability.png").exists()
+    assert len(notes.lines) == 2
+    assert "predictions.parquet" in notes.lines[0] and "model.safetensors" in notes.lines[1]
