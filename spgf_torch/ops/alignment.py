@@ -13,6 +13,7 @@ themselves start equally well at each repeat: of these the first from R_x on, wh
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -25,25 +26,30 @@ from spgf_torch.geometry.se3 import from_rotation
 TIE = 1e-4
 
 
-def highest_curvature(rings: Tensor) -> Tensor:
+def highest_curvature(rings: np.ndarray) -> np.ndarray:
     """The start cell (N,) int64 of rings (N, 2, cells, 2) as `ring_grid` makes them."""
-    cells = rings.shape[2]
-    start = torch.empty(len(rings), dtype=torch.int64)
-    nearer = torch.exp(torch.arange(cells, dtype=torch.float64) * (-2 * math.pi / cells))
-    _highest_curvature(rings.numpy(), nearer.numpy(), start.numpy())
+    start = np.empty(len(rings), np.int64)
+    _highest_curvature(rings, _nearer(rings.shape[2]), start)
     return start
 
 
-def start_at(rings: Tensor, start: Tensor, rows: Tensor, aligned: Tensor) -> None:
+@lru_cache
+def _nearer(cells: int) -> np.ndarray:
+    """What each cell counts in `_content_after`, by how far ahead it is."""
+    nearer: np.ndarray = torch.exp(torch.arange(cells, dtype=torch.float64) * (-2 * math.pi / cells)).numpy()
+    return nearer
+
+
+def start_at(rings: np.ndarray, start: np.ndarray, rows: np.ndarray, aligned: np.ndarray) -> None:
     """Write rings (n, 2, cells, 2), moved round so that cell start (n,) becomes cell 0 of both, to aligned[rows]."""
-    _start_at(rings.numpy(), start.numpy(), rows.numpy(), aligned.numpy())
+    _start_at(rings, start, rows, aligned)
 
 
-def aligned_poses(frames: Tensor, start: Tensor, cells: int, positions: Tensor) -> Tensor:
+def aligned_poses(frames: np.ndarray, start: np.ndarray, cells: int, positions: np.ndarray) -> np.ndarray:
     """T_object_feature (N, 4, 4): frames (N, 3, 3) turned about their z to the cell start (N,), at positions (N, 3)."""
     angle = torch.arange(cells, dtype=torch.float64) * (2 * math.pi / cells)
-    T = frames.new_zeros((len(frames), 4, 4))
-    _aligned_poses(*(tensor.numpy() for tensor in (frames, start, angle.cos(), angle.sin(), positions, T)))
+    T = np.zeros((len(frames), 4, 4), frames.dtype)
+    _aligned_poses(frames, start, angle.cos().numpy(), angle.sin().numpy(), positions, T)
     return T
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -18,7 +18,7 @@ from spgf_torch.ops.alignment import (
     start_at,
     start_at_in_torch,
 )
-from spgf_torch.ops.library import operator
+from spgf_torch.ops.library import memory, operator
 from spgf_torch.ops.neighbours import Neighbourhoods, NeighbourhoodsInTorch
 from spgf_torch.ops.relations import (
     Pairs,
@@ -37,9 +37,6 @@ from spgf_torch.threads import in_parts, one_thread
 FINER = 5
 
 Described = tuple[Tensor, Tensor, Tensor]
-
-# Rings and which features are valid, of frames, a kind of ring, and whether they are softly filled.
-InFrames = Callable[[Tensor, Ring, bool], tuple[Tensor, Tensor]]
 
 
 @operator(
@@ -67,12 +64,13 @@ def describe(
         counts, neighbour = near.of_part(part)
         pairs = pairs_in_torch(counts, neighbour, X[part], X, n)
 
-        def in_frames(frames: Tensor, ring: Ring, soft: bool, pairs: Pairs = pairs) -> tuple[Tensor, Tensor]:
+        def in_frames(frames: Tensor, ring: Ring, soft: bool, pairs: Pairs[Tensor] = pairs) -> tuple[Tensor, Tensor]:
             return rings_in_torch(pairs.start, relations_in_torch(pairs, frames), ring, gaps, soft)
 
         frames = frames_in_torch(n[part], pairs.towards)
         if soft:
-            frames = turned_softly(frames, in_frames, ring, highest_curvature_in_torch)
+            fine = finer(ring)
+            frames = turned_to(frames, highest_curvature_in_torch(in_frames(frames, fine, True)[0]), fine)
         filled, valid = in_frames(frames, ring, False)
         begin = torch.zeros(len(filled), dtype=torch.int64, device=X.device)
         if start is not None:
@@ -90,24 +88,26 @@ def describe(
 def _in_loops(
     positions: Tensor, normals: Tensor, start: Tensor | None, radius: float, ring: Ring, gaps: str, soft: bool
 ) -> Described:
-    ring, X, n = _checked(normals, start, ring), positions.detach(), normals.detach()
-    near = Neighbourhoods(X, radius)
+    ring, near = _checked(normals, start, ring), Neighbourhoods(positions, radius)
+    X, n = memory(positions), memory(normals)
     cloud, facing = X[near.order], n[near.order]
-    begin = torch.zeros(len(X), dtype=torch.int64) if start is None else start.contiguous()
-    frames = X.new_empty((len(X), 3, 3))
-    aligned, valid = X.new_empty((len(X), 2, ring.cells, 2)), torch.empty(len(X), dtype=torch.bool)
+    begin = np.zeros(len(X), np.int64) if start is None else memory(start)
+    frames = np.empty((len(X), 3, 3), X.dtype)
+    aligned, valid = np.empty((len(X), 2, ring.cells, 2), X.dtype), np.empty(len(X), np.bool_)
 
     @one_thread()
     def work(part: slice) -> None:
         rows = near.order[part]
         pairs = pairs_of(*near.of(part), cloud[part], cloud, facing)
 
-        def in_frames(frames: Tensor, ring: Ring, soft: bool) -> tuple[Tensor, Tensor]:
+        def in_frames(frames: np.ndarray, ring: Ring, soft: bool) -> tuple[np.ndarray, np.ndarray]:
             return rings(pairs.start, relations(pairs, frames), ring, gaps, soft)
 
         own = reference_frames(facing[part], pairs.towards)
         if soft:
-            own = turned_softly(own, in_frames, ring, highest_curvature)
+            fine = finer(ring)
+            start_cell = torch.from_numpy(highest_curvature(in_frames(own, fine, True)[0]))
+            own = turned_to(torch.from_numpy(own), start_cell, fine).numpy()
         found, valid[rows] = in_frames(own, ring, False)
         if start is None and not soft:
             begin[rows] = highest_curvature(found)
@@ -115,7 +115,8 @@ def _in_loops(
         start_at(found, begin[rows], rows, aligned)
 
     deque(in_parts(work, near.parts), maxlen=0)
-    return aligned_poses(frames, begin, ring.cells, X), aligned, valid
+    T = aligned_poses(frames, begin, ring.cells, X)
+    return torch.from_numpy(T), torch.from_numpy(aligned), torch.from_numpy(valid)
 
 
 @describe.fake
@@ -127,14 +128,17 @@ def _shapes(
     return T, aligned, positions.new_empty(N, dtype=torch.bool)
 
 
-def turned_softly(frames: Tensor, in_frames: InFrames, ring: Ring, highest: Callable[[Tensor], Tensor]) -> Tensor:
-    """The frames turned to the direction of highest curvature of finer, softly filled rings.
+def finer(ring: Ring) -> Ring:
+    """The ring whose direction of highest curvature the soft alignment takes, on softly filled cells.
 
     The direction hardly depends on R_x then, as cells 10 deg wide make it. The filter is as wide as before.
     """
-    fine = Ring(FINER * ring.cells, FINER * (ring.half_length + 1) - 1, ring.layers)
-    start = highest(in_frames(frames, fine, True)[0])
-    return turned(frames, start.to(frames) * (2 * math.pi / fine.cells))
+    return Ring(FINER * ring.cells, FINER * (ring.half_length + 1) - 1, ring.layers)
+
+
+def turned_to(frames: Tensor, start: Tensor, ring: Ring) -> Tensor:
+    """The frames (N, 3, 3) turned about their normals to the cell start (N,) of this ring."""
+    return turned(frames, start.to(frames) * (2 * math.pi / ring.cells))
 
 
 def _checked(normals: Tensor, start: Tensor | None, ring: Ring) -> Ring:

@@ -12,7 +12,6 @@ from functools import lru_cache
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import pad
 
 from spgf_torch.compiled import compiled
 
@@ -22,78 +21,114 @@ GAPS = {
     "flat": ((0.0, 0.0), (0.0, math.pi)),  # a plane, and the far side of a flat wall
 }
 
-
-def averaged_in_torch(grid: Tensor, half_length: int, gaps: str, soft: bool) -> Tensor:
-    """`averaged` by torch's operations, on any device: the rings (N, 2, cells, 2) of grids (N, 2, cells, 3)."""
-    values = grid if soft else grid * (1 / grid[..., :1].clamp(min=1))
-    ahead, weight = triangle(grid.shape[2], half_length, grid.dtype)
-    sums = torch.zeros_like(values)
-    for step in range(0, len(ahead), 4):
-        a, b, c, d = (
-            float(w) * values.roll(-int(k), dims=2)
-            for k, w in zip(ahead[step : step + 4], weight[step : step + 4], strict=True)
-        )
-        sums = sums + ((a + b) + (c + d))
-    gap = torch.tensor(GAPS[gaps], dtype=grid.dtype, device=grid.device)
-    found = torch.where(sums[..., :1] > 0, (1 / sums[..., :1]) * sums[..., 1:], gap[:, None])
-    found[:, 0, :, 1].clamp_(max=math.pi / 2)
-    return found
+Window = tuple[np.ndarray, np.ndarray]
 
 
-@lru_cache
-def triangle(cells: int, half_length: int, dtype: torch.dtype) -> tuple[np.ndarray, np.ndarray]:
-    """The moving average's filter: how many cells ahead, going round, and what a cell counts there, by fours.
-
-    At distance |k| <= n = half_length that is (n + 1 - |k|) / (n + 1) (the paper: "weight falling with distance"); of
-    two ways round the ring the shorter counts.
-    """
-    ahead = torch.arange(cells, device="cpu")
-    weight = (half_length + 1 - torch.minimum(ahead, cells - ahead)).clamp(min=0).to(dtype) / (half_length + 1)
-    ahead, weight = ahead[weight > 0], weight[weight > 0]
-    missing = (0, -len(ahead) % 4)
-    return pad(ahead, missing).numpy(), pad(weight, missing).numpy()
-
-
-@compiled
-def averaged(
-    grid: np.ndarray, window: tuple[np.ndarray, np.ndarray], gap: np.ndarray, soft: bool, rings: np.ndarray
-) -> bool:
-    """The rings (2, cells, 2) of a grid (2, cells, 3): averaged and gap-encoded; whether they are not all gap.
+def averaged(grid: np.ndarray, half_length: int, gaps: str, soft: bool) -> tuple[np.ndarray, np.ndarray]:
+    """The rings (N, 2, cells, 2) of grids (N, 2, 3, cells), gaps encoded; (N,) whether they are not all gap.
 
     Weighted moving average around each ring, with the window of `triangle`: fills the holes that sampling leaves. An
     empty cell does not count. The paper averages the cells' means, one like another; with `soft` each neighbour counts
     for itself. A cell that nothing reached gets the value of a gap.
 
-    Neighbours that count as perpendicular (`SINGULAR`) do not raise a cell of the top layer above 90 deg, or rounding
-    would decide between an edge and a gap.
+    Neighbours that count as perpendicular (`relations.SINGULAR`) do not raise a cell of the top layer above 90 deg, or
+    rounding would decide between an edge and a gap.
     """
-    cells, one, valid = grid.shape[1], grid.dtype.type(1), False
-    values = np.empty(6 * cells, grid.dtype)  # weight, and weight times alpha1 and alpha2, of each cell: the ring twice
-    sums = np.empty(3 * cells, grid.dtype)
-    for layer in range(2):
-        if not (grid[layer, :, 0] > 0).any():
-            for cell in range(cells):
-                rings[layer, cell, 0], rings[layer, cell, 1] = gap[layer, 0], gap[layer, 1]
-            continue
-        valid = True
+    N, _, _, cells = grid.shape
+    rings, valid = np.empty((N, 2, cells, 2), grid.dtype), np.empty(N, np.bool_)
+    ahead, weight = triangle(cells, half_length)
+    _averaged(grid, (ahead, weight.astype(grid.dtype)), np.array(GAPS[gaps], grid.dtype), soft, rings, valid)
+    return rings, valid
+
+
+def averaged_in_torch(grid: Tensor, half_length: int, gaps: str, soft: bool) -> tuple[Tensor, Tensor]:
+    """`averaged` by torch's operations, on any device."""
+    number = grid[:, :, :1]
+    values = grid if soft else grid * (1 / number.clamp(min=1))
+    ahead, weight = triangle(grid.shape[3], half_length)
+    sums = torch.zeros_like(values)
+    for step in range(0, len(ahead), 4):
+        a, b, c, d = (
+            float(w) * values.roll(-int(k), dims=3)
+            for k, w in zip(ahead[step : step + 4], weight[step : step + 4], strict=True)
+        )
+        sums = sums + ((a + b) + (c + d))
+    gap = torch.tensor(GAPS[gaps], dtype=grid.dtype, device=grid.device)
+    rings = torch.where(sums[:, :, :1] > 0, (1 / sums[:, :, :1]) * sums[:, :, 1:], gap[:, :, None]).mT.contiguous()
+    rings[:, 0, :, 1].clamp_(max=math.pi / 2)
+    return rings, (number > 0).flatten(1).any(1)
+
+
+@lru_cache
+def triangle(cells: int, half_length: int) -> Window:
+    """The moving average's filter: how many cells ahead (behind: negative), and what a cell counts there, by fours.
+
+    At distance |k| <= n = half_length that is (n + 1 - |k|) / (n + 1) (the paper: "weight falling with distance"); of
+    two ways round the ring the shorter counts.
+    """
+    ahead = np.arange(cells)
+    ahead -= cells * (ahead > cells - ahead)
+    weight = np.maximum(half_length + 1 - abs(ahead), 0) / (half_length + 1)
+    ahead, weight = ahead[weight > 0], weight[weight > 0]
+    missing = (0, -len(ahead) % 4)
+    return np.pad(ahead, missing), np.pad(weight, missing)
+
+
+@compiled
+def _averaged(
+    grid: np.ndarray, window: Window, gap: np.ndarray, soft: bool, rings: np.ndarray, valid: np.ndarray
+) -> None:
+    cells, behind = grid.shape[3], -window[0].min()
+    row = behind + cells + window[0].max()  # a ring, and before and after it the cells that the filter reaches
+    values, sums = np.zeros(3 * row, grid.dtype), np.empty(2 * row + cells, grid.dtype)
+    for i in range(len(grid)):
+        valid[i] = False
+        for layer in range(2):
+            sums[:] = 0
+            if _spread(grid[i, layer], soft, behind, values):
+                valid[i] = True
+                _add_weighted(values, behind, window, sums)
+            _divide(sums, row, gap[layer], rings[i, layer])
         for cell in range(cells):
-            share = one if soft else one / max(grid[layer, cell, 0], one)
-            for k in range(3):
-                values[3 * cell + k] = share * grid[layer, cell, k]
-        for k in range(3 * cells):
-            values[3 * cells + k], sums[k] = values[k], 0
-        for step in range(0, len(window[0]), 4):  # four at once: a quarter of the traffic
-            ahead, weight = window[0][step : step + 4], window[1][step : step + 4]
-            a, b = values[3 * ahead[0] :], values[3 * ahead[1] :]
-            c, d = values[3 * ahead[2] :], values[3 * ahead[3] :]
-            e, f, g, h = weight[0], weight[1], weight[2], weight[3]
-            for k in range(3 * cells):
-                sums[k] += (e * a[k] + f * b[k]) + (g * c[k] + h * d[k])
-        for cell in range(cells):
-            reached = sums[3 * cell]
-            share = one / reached
-            rings[layer, cell, 0] = share * sums[3 * cell + 1] if reached > 0 else gap[layer, 0]
-            rings[layer, cell, 1] = share * sums[3 * cell + 2] if reached > 0 else gap[layer, 1]
+            rings[i, 0, cell, 1] = min(rings[i, 0, cell, 1], math.pi / 2)
+
+
+@compiled
+def _spread(grid: np.ndarray, soft: bool, behind: int, values: np.ndarray) -> bool:
+    """Out: values (3 row,), what each cell counts, and that times its alphas, of a layer (3, cells); false of none."""
+    cells, row, one = grid.shape[1], len(values) // 3, grid.dtype.type(1)
+    number, alpha1, alpha2, found = grid[0], grid[1], grid[2], False
+    own, first, second = values[behind:], values[row + behind :], values[2 * row + behind :]
     for cell in range(cells):
-        rings[0, cell, 1] = min(rings[0, cell, 1], math.pi / 2)
-    return valid
+        share = one if soft else one / max(number[cell], one)
+        own[cell], first[cell], second[cell] = share * number[cell], share * alpha1[cell], share * alpha2[cell]
+        found |= number[cell] > 0
+    for k in range(0, 3 * row, row):
+        for cell in range(behind):
+            values[k + cell] = values[k + cells + cell]
+        for cell in range(behind + cells, row):
+            values[k + cell] = values[k + cell - cells]
+    return found
+
+
+@compiled
+def _add_weighted(values: np.ndarray, behind: int, window: Window, sums: np.ndarray) -> None:
+    """In and out: sums. All three rows at once; what lies between two rows is not looked at."""
+    for step in range(0, len(window[0]), 4):  # four at once: a quarter of the traffic
+        place, weight = window[0][step : step + 4], window[1][step : step + 4]
+        a, b = values[behind + place[0] :], values[behind + place[1] :]
+        c, d = values[behind + place[2] :], values[behind + place[3] :]
+        e, f, g, h = weight[0], weight[1], weight[2], weight[3]
+        for k in range(len(sums)):
+            sums[k] += (e * a[k] + f * b[k]) + (g * c[k] + h * d[k])
+
+
+@compiled
+def _divide(sums: np.ndarray, row: int, gap: np.ndarray, ring: np.ndarray) -> None:
+    """Out: ring (cells, 2), the means of a layer; a gap where nothing was added up."""
+    alpha1, alpha2, one = sums[row:], sums[2 * row :], sums.dtype.type(1)
+    for cell in range(len(ring)):
+        share = one / sums[cell]
+        first, second = share * alpha1[cell], share * alpha2[cell]
+        ring[cell, 0] = first if sums[cell] > 0 else gap[0]
+        ring[cell, 1] = second if sums[cell] > 0 else gap[1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -15,9 +14,10 @@ from spgf_torch.compiled import compiled
 from spgf_torch.errors import InputError
 from spgf_torch.ops.library import memory, operator, unknown_size
 
-# Points looked at for the neighbours of one part of the cloud. What is made of a part takes some 10 MB; a quarter of it
-# takes up to a tenth longer, in more calls. A point that alone has more is a part of its own.
-CANDIDATES = 1 << 19
+# Points looked at for the neighbours of one part of the cloud. What is made of a part takes some 1 MB: it stays in the
+# processor's second-level cache, and the next part gets the same memory. A point that alone has more is a part of its
+# own.
+CANDIDATES = 1 << 16
 
 # Cubes are wider than the radius by this share, so that rounding puts no neighbour two cubes away.
 WIDER = 1e-6
@@ -34,36 +34,32 @@ class Neighbourhoods:
     those in the 27 cubes about a point are looked at.
 
     Attributes:
-        order: (N,) int64 on the CPU, the points so that close ones come together. All other numbers of points here
-            are places in this order.
+        order: (N,) int64, the points so that close ones come together. All other numbers of points here are places in
+            this order.
         parts: slices of the order that are small enough for `of`, in order.
 
     Raises InputError for another shape and for NaN or infinite coordinates.
     """
 
     def __init__(self, points: Tensor, radius: float) -> None:
-        _check(points)
+        _check_shape(points)
         xyz = memory(points, torch.float64)
         self.radius = radius
-        order, self._cube, self._first, self._last = _cubes(xyz, radius)
-        self._xyz = np.ascontiguousarray(xyz[order].T)
-        self.order = torch.from_numpy(order)
-        self._candidates = np.concatenate([[0], (self._last - self._first).sum(1)[self._cube].cumsum()])
-        self.parts = list(self._parts())
-
-    def _parts(self) -> Iterator[slice]:
+        self.order, self._places = _in_cubes(xyz, radius)
+        self._xyz = np.ascontiguousarray(xyz[self.order].T)
+        cube, first, last = self._places
+        self._candidates = np.append(0, (last - first).sum(1)[cube].cumsum())
         group = self._candidates[:-1] // CANDIDATES
-        borders = np.concatenate([[0], np.flatnonzero(np.diff(group)) + 1, [len(group)]])
-        return (slice(int(a), int(b)) for a, b in pairwise(borders) if a < b)
+        borders = [0, *(np.flatnonzero(group[1:] != group[:-1]) + 1).tolist(), len(group)]
+        self.parts = [slice(a, b) for a, b in pairwise(borders) if a < b]
 
-    def of(self, part: slice) -> tuple[Tensor, Tensor]:
+    def of(self, part: slice) -> tuple[np.ndarray, np.ndarray]:
         """Of the points in the part: their neighbours (P,) int32, one point's after the other's, and where they start
         (n + 1,) int64: those of point k of the part are neighbour[start[k] : start[k + 1]]."""
         room = self._candidates[part.stop] - self._candidates[part.start] + 1
         start, neighbour = np.zeros(part.stop - part.start + 1, np.int64), np.empty(room, np.int32)
-        places = Places(self._cube[part], self._first, self._last)
-        _within(self._xyz, self.radius**2, part.start, places, start, neighbour)
-        return torch.from_numpy(start), torch.from_numpy(neighbour[: start[-1]])
+        _within(self._xyz, self.radius**2, part.start, self._places, start, neighbour)
+        return start, neighbour[: start[-1]]
 
 
 @dataclass(frozen=True)
@@ -79,7 +75,9 @@ class NeighbourhoodsInTorch:
 
     @staticmethod
     def of(points: Tensor, radius: float) -> NeighbourhoodsInTorch:
-        _check(points)
+        _check_shape(points)
+        if not torch.isfinite(points).all():
+            raise _not_finite()
         xyz = points.detach().double()
         if len(xyz) == 0:
             none = torch.zeros(0, dtype=torch.int64, device=xyz.device)
@@ -137,8 +135,8 @@ def _radius_pairs_in_loops(points: Tensor, radius: float) -> tuple[Tensor, Tenso
     found = [np.empty(0, np.int64)]
     for part in near.parts:
         start, neighbour = near.of(part)
-        centre = near.order[part].repeat_interleave(start.diff())
-        found.append((centre << 32 | near.order[neighbour]).numpy())
+        centre = near.order[part].repeat(np.diff(start))
+        found.append(centre << 32 | near.order[neighbour])
     key = torch.from_numpy(np.sort(np.concatenate(found)))  # one key sorts faster than two columns
     return key >> 32, key & 0xFFFFFFFF
 
@@ -149,11 +147,13 @@ def _radius_pairs_shapes(points: Tensor, radius: float) -> tuple[Tensor, Tensor]
     return points.new_empty(P, dtype=torch.int64), points.new_empty(P, dtype=torch.int64)
 
 
-def _check(points: Tensor) -> None:
+def _check_shape(points: Tensor) -> None:
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"points: expected shape (N, 3), got {tuple(points.shape)}")
-    if not torch.isfinite(points).all():
-        raise InputError("points: expected finite coordinates, got NaN or infinite values")
+
+
+def _not_finite() -> InputError:
+    return InputError("points: expected finite coordinates, got NaN or infinite values")
 
 
 def _compact_in_torch(cube: Tensor) -> Tensor:
@@ -163,37 +163,74 @@ def _compact_in_torch(cube: Tensor) -> Tensor:
     return compact
 
 
-def _cubes(xyz: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The points' order; in it the cube of each (N,); and first and last (cubes, 9): the points of the nine rows of
-    three cubes about each cube."""
-    steps = np.floor((xyz - xyz.min(0, initial=0)) / ((1 + WIDER) * radius))
-    if steps.max(initial=0) > SPAN:
+class Places(NamedTuple):
+    """The cube of each point (N,), and the points first (C, 9) : last (C, 9) of the nine rows of three about a cube."""
+
+    cube: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+
+
+def _in_cubes(xyz: np.ndarray, radius: float) -> tuple[np.ndarray, Places]:
+    """The points' order, and their places in it."""
+    finite, steps, most = _steps(xyz, (1 + WIDER) * radius)
+    if not finite:
+        raise _not_finite()
+    if most.max() > SPAN:
         steps = np.stack([_compact(axis) for axis in steps.T], axis=1)
-    _, ny, nz = (int(most) + 3 for most in steps.max(0, initial=0))  # none beside the first and last
-    x, y, z = steps.astype(np.int64).T
-    key = (x * ny + y) * nz + z
+        most = steps.max(0)
+    ny, nz = int(most[1]) + 3, int(most[2]) + 3  # none beside the first and last
+    key = _keys(steps, ny, nz)
     order = np.argsort(key, kind="stable")
-    key = key[order]
-    new = np.diff(key, prepend=-1) > 0
-    places = np.append(np.flatnonzero(new), len(key))
-    rows = np.array([(x * ny + y) * nz for x in (-1, 0, 1) for y in (-1, 0, 1)])
-    return order, np.cumsum(new) - 1, *_rows(key[new], places, rows)
+    return order, Places(*_places(key[order], ny, nz))
 
 
 @compiled
-def _rows(cubes: np.ndarray, places: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and last, as in `_cubes`: of sorted cubes (C,), whose points start at places (C + 1,)."""
-    first, last = np.empty((len(cubes), 9), np.int64), np.empty((len(cubes), 9), np.int64)
+def _steps(xyz: np.ndarray, width: float) -> tuple[bool, np.ndarray, np.ndarray]:
+    """Whether all points are finite; how many cubes each lies from the lowest, (N, 3) whole numbers; the most (3,)."""
+    finite, low, steps, most = True, np.zeros(3), np.empty_like(xyz), np.zeros(3)
+    for i in range(len(xyz)):
+        for axis in range(3):
+            finite &= np.isfinite(xyz[i, axis])
+            low[axis] = min(low[axis], xyz[i, axis])
+    for i in range(len(xyz)):
+        for axis in range(3):
+            steps[i, axis] = np.floor((xyz[i, axis] - low[axis]) / width)
+            most[axis] = max(most[axis], steps[i, axis])
+    return finite, steps, most
+
+
+@compiled
+def _keys(steps: np.ndarray, ny: int, nz: int) -> np.ndarray:
+    """A number (N,) int64 for each cube; those of a row along z follow one another."""
+    key = np.empty(len(steps), np.int64)
+    for i in range(len(steps)):
+        key[i] = (np.int64(steps[i, 0]) * ny + np.int64(steps[i, 1])) * nz + np.int64(steps[i, 2])
+    return key
+
+
+@compiled
+def _places(key: np.ndarray, ny: int, nz: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`Places` of sorted keys (N,)."""
+    cube, begin = np.empty(len(key), np.int64), np.empty(len(key) + 1, np.int64)
+    cubes = 0
+    for i in range(len(key)):
+        if i == 0 or key[i] != key[i - 1]:
+            begin[cubes] = i
+            cubes += 1
+        cube[i] = cubes - 1
+    begin[cubes] = len(key)
+    first, last = np.empty((cubes, 9), np.int64), np.empty((cubes, 9), np.int64)
     for row in range(9):
-        low, high = 0, 0
-        for k in range(len(cubes)):
-            middle = cubes[k] + rows[row]
-            while low < len(cubes) and cubes[low] < middle - 1:
+        low, high, step = 0, 0, ((row // 3 - 1) * ny + row % 3 - 1) * nz
+        for k in range(cubes):
+            middle = key[begin[k]] + step
+            while low < cubes and key[begin[low]] < middle - 1:
                 low += 1
-            while high < len(cubes) and cubes[high] <= middle + 1:
+            while high < cubes and key[begin[high]] <= middle + 1:
                 high += 1
-            first[k, row], last[k, row] = places[low], places[high]
-    return first, last
+            first[k, row], last[k, row] = begin[low], begin[high]
+    return cube, first, last
 
 
 def _compact(cube: np.ndarray) -> np.ndarray:
@@ -202,19 +239,11 @@ def _compact(cube: np.ndarray) -> np.ndarray:
     return np.minimum(np.diff(values, prepend=values[:1]), 2).cumsum()[place]
 
 
-class Places(NamedTuple):
-    """The cube of each point (n,), and the points first (C, 9) : last (C, 9) of the rows about a cube."""
-
-    cube: np.ndarray
-    first: np.ndarray
-    last: np.ndarray
-
-
 @compiled
 def _within(
     xyz: np.ndarray, square: float, begin: int, places: Places, start: np.ndarray, neighbour: np.ndarray
 ) -> None:
-    """Out: start, neighbour of the points from `begin` on, at these places.
+    """Out: start, neighbour of the points from `begin` on.
 
     Branch-free: every candidate is written; the cursor advances only for those within the radius.
     """
@@ -222,11 +251,11 @@ def _within(
     X, Y, Z = xyz
     apart = np.empty((last - first).max(), np.float64)  # squared distances to the points of a row of cubes
     found = 0
-    for k in range(len(cube)):
+    for k in range(len(start) - 1):
         i = begin + k
         x, y, z = X[i], Y[i], Z[i]
         for row in range(9):
-            a, b = first[cube[k], row], last[cube[k], row]
+            a, b = first[cube[i], row], last[cube[i], row]
             xs, ys, zs = X[a:b], Y[a:b], Z[a:b]
             for j in range(b - a):
                 dx, dy, dz = xs[j] - x, ys[j] - y, zs[j] - z

@@ -9,13 +9,15 @@ of a float32 is off by up to 5e-4 rad.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from spgf_torch.compiled import compiled
+
+Array = TypeVar("Array", np.ndarray, Tensor)
 
 # m; a step in the plane this short has no direction: below it is the rounding of float32 coordinates.
 NOWHERE = 1e-7
@@ -24,39 +26,44 @@ NOWHERE = 1e-7
 # perpendicular (top layer, alpha2 = pi/2): both would otherwise be decided by rounding (docs/design/features.md).
 SINGULAR = 1e-3
 
+# Numbers that torch's loops take at once, at most: what is left over at the end they round differently.
+VECTOR = 64
 
-@dataclass(frozen=True)
-class Pairs:
-    """N centres with what surrounds them: P pairs of a centre and a neighbour, on the CPU, of one float type.
+
+class Pairs(NamedTuple, Generic[Array]):
+    """N centres with what surrounds them: P pairs of a centre and a neighbour, all of one float type.
 
     start: (N + 1,) int64, the pairs of centre k are those from start[k] to start[k + 1]; step: (3, P) m, from the
     centre to the neighbour; normal: (3, P), the neighbour's; towards: (N, 3) m, the mean step, 0 without a neighbour.
     """
 
-    start: Tensor
-    step: Tensor
-    normal: Tensor
-    towards: Tensor
+    start: Array
+    step: Array
+    normal: Array
+    towards: Array
 
 
-def pairs_of(start: Tensor, neighbour: Tensor, centres: Tensor, cloud: Tensor, normals: Tensor) -> Pairs:
+def pairs_of(
+    start: np.ndarray, neighbour: np.ndarray, centres: np.ndarray, cloud: np.ndarray, normals: np.ndarray
+) -> Pairs[np.ndarray]:
     """The pairs of centres (N, 3), whose neighbours (P,) int32 are points of a cloud (M, 3) with normals (M, 3).
 
     `start` as in `Pairs`. Steps, and not positions, are averaged: those would cancel far from the origin.
     """
-    step, normal, towards = (centres.new_empty(shape) for shape in ((3, len(neighbour)),) * 2 + (centres.shape,))
-    _gather(*(tensor.numpy() for tensor in (start, neighbour, centres, cloud, normals, step, normal, towards)))
+    step, normal = (np.empty((3, len(neighbour)), cloud.dtype) for _ in range(2))
+    towards = np.empty_like(centres)
+    _gather(start, neighbour, centres, cloud, normals, step, normal, towards)
     return Pairs(start, step, normal, towards)
 
 
-def reference_frames(normals: Tensor, towards: Tensor) -> Tensor:
+def reference_frames(normals: np.ndarray, towards: np.ndarray) -> np.ndarray:
     """Frames (N, 3, 3) whose columns are R_x, R_y = n x R_x and the normal n, from unit normals (N, 3).
 
     R_x is arbitrary in the plane (section 3.1.1); here it points along `towards` (N, 3), any length. Where that has
     no direction in the plane, R_x is the coordinate axis farthest from the normal, made orthogonal to it.
     """
-    frames = normals.new_empty((len(normals), 3, 3))
-    _frames(normals.numpy(), towards.numpy(), frames.numpy())
+    frames = np.empty((len(normals), 3, 3), normals.dtype)
+    _frames(normals, towards, frames)
     return frames
 
 
@@ -67,7 +74,7 @@ def turned(frames: Tensor, angle: Tensor) -> Tensor:
     return torch.stack([cos * R_x + sin * R_y, cos * R_y - sin * R_x, n], dim=2)
 
 
-def relations(pairs: Pairs, frames: Tensor) -> Tensor:
+def relations(pairs: Pairs[np.ndarray], frames: np.ndarray) -> np.ndarray:
     """(3, P) radians of each pair: alpha1, alpha2, alpha3, in the centres' frames (N, 3, 3).
 
     alpha1 (Eq. 2), elevation, in [-pi/2, pi/2]: positive where the surface falls away below the centre's plane.
@@ -76,14 +83,17 @@ def relations(pairs: Pairs, frames: Tensor) -> Tensor:
     the direction to the neighbour and not from it, is our choice of what the paper leaves to convention. NaN for a
     neighbour along the normal (`SINGULAR`) or at the centre.
     """
-    sides = pairs.step.new_empty((2, *pairs.step.shape))
-    _sides(*(tensor.numpy() for tensor in (pairs.start, pairs.step, pairs.normal, frames, sides)))
-    angles = torch.atan2(sides[0], sides[1])  # in one call torch takes some 2 ns an angle, the C library 40
+    P = pairs.step.shape[1]
+    opposite, adjacent = (np.zeros(3 * P + VECTOR, pairs.step.dtype) for _ in range(2))
+    angles = opposite[: 3 * P].reshape(3, P)
+    _sides(pairs.start, pairs.step, pairs.normal, frames, angles, adjacent[: 3 * P].reshape(3, P))
+    whole = torch.from_numpy(opposite)
+    torch.atan2(whole, torch.from_numpy(adjacent), out=whole)  # in one call some 2 ns an angle, the C library takes 40
     angles[1] *= 2
     return angles
 
 
-def pairs_in_torch(counts: Tensor, neighbour: Tensor, centres: Tensor, cloud: Tensor, normals: Tensor) -> Pairs:
+def pairs_in_torch(counts: Tensor, neighbour: Tensor, centres: Tensor, cloud: Tensor, normals: Tensor) -> Pairs[Tensor]:
     """`pairs_of` by torch's operations, on any device; counts (N,) int64: how many neighbours a centre has."""
     start = torch.cat([counts.new_zeros(1), counts.cumsum(0)])
     centre = torch.arange(len(counts), device=counts.device).repeat_interleave(counts, output_size=len(neighbour))
@@ -104,7 +114,7 @@ def frames_in_torch(normals: Tensor, towards: Tensor) -> Tensor:
     return torch.stack([torch.stack(_product(y.unbind(1), n), dim=1), y, normals], dim=2)
 
 
-def relations_in_torch(pairs: Pairs, frames: Tensor) -> Tensor:
+def relations_in_torch(pairs: Pairs[Tensor], frames: Tensor) -> Tensor:
     """`relations` by torch's operations."""
     counts = pairs.start.diff()
     rows = frames.flatten(1).repeat_interleave(counts, dim=0, output_size=pairs.step.shape[1])
@@ -179,8 +189,15 @@ def _cross(a: np.ndarray, b: np.ndarray) -> tuple[float, float, float]:
 
 
 @compiled
-def _sides(start: np.ndarray, step: np.ndarray, normal: np.ndarray, frames: np.ndarray, sides: np.ndarray) -> None:
-    """The arguments of atan2, (opposite and adjacent, angle, pair): those of alpha1, half of alpha2, and alpha3.
+def _sides(
+    start: np.ndarray,
+    step: np.ndarray,
+    normal: np.ndarray,
+    frames: np.ndarray,
+    opposite: np.ndarray,
+    adjacent: np.ndarray,
+) -> None:
+    """Out: opposite, adjacent (3, P), the arguments of atan2: those of alpha1, half of alpha2, and alpha3.
 
     Two loops, over arrays without a gap: the compiler makes vector instructions of such alone.
     """
@@ -189,7 +206,7 @@ def _sides(start: np.ndarray, step: np.ndarray, normal: np.ndarray, frames: np.n
         (a, d, g), (b, e, h), (c, f, k) = frames[i]  # columns R_x, R_y, n1
         own = slice(start[i], start[i + 1])
         dx, dy, dz = step[0, own], step[1, own], step[2, own]
-        below, flat, ahead, aside = sides[0, 0, own], sides[1, 0, own], sides[1, 2, own], sides[0, 2, own]
+        below, flat, ahead, aside = opposite[0, own], adjacent[0, own], adjacent[2, own], opposite[2, own]
         for pair in range(len(dx)):
             x = a * dx[pair] + b * dy[pair] + c * dz[pair]
             y = d * dx[pair] + e * dy[pair] + f * dz[pair]
@@ -197,7 +214,7 @@ def _sides(start: np.ndarray, step: np.ndarray, normal: np.ndarray, frames: np.n
             length = math.sqrt(x * x + y * y)
             below[pair], flat[pair], ahead[pair] = -z, length, x
             aside[pair] = y if length > singular * abs(z) else unknown
-        nx, ny, nz, apart, together = normal[0, own], normal[1, own], normal[2, own], sides[0, 1, own], sides[1, 1, own]
+        nx, ny, nz, apart, together = normal[0, own], normal[1, own], normal[2, own], opposite[1, own], adjacent[1, own]
         for pair in range(len(nx)):
             apart[pair] = math.sqrt((g - nx[pair]) ** 2 + (h - ny[pair]) ** 2 + (k - nz[pair]) ** 2)
             together[pair] = math.sqrt((g + nx[pair]) ** 2 + (h + ny[pair]) ** 2 + (k + nz[pair]) ** 2)

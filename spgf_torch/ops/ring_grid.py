@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.compiled import compiled
-from spgf_torch.ops.moving_average import GAPS, averaged, averaged_in_torch, triangle
+from spgf_torch.ops.moving_average import averaged, averaged_in_torch
 from spgf_torch.ops.relations import SINGULAR
 
 
@@ -29,28 +29,36 @@ class Ring(NamedTuple):
     layers: int
 
 
-def rings(start: Tensor, angles: Tensor, ring: Ring, gaps: str, soft: bool = False) -> tuple[Tensor, Tensor]:
+def rings(
+    start: np.ndarray, angles: np.ndarray, ring: Ring, gaps: str, soft: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """Steps 1 to 4 of section 3.1: the rings (N, 2, cells, 2) of N features, and (N,) whether they are not all gap.
 
     start: (N + 1,) int64, the first pair of each feature; angles: (3, P) of the pairs, as `relations` has them. `soft`
-    as in `organise` and `averaged`.
+    as in `organised` and `averaged`.
     """
-    found = angles.new_empty((len(start) - 1, 2, ring.cells, 2))
-    valid = torch.empty(len(found), dtype=torch.bool)
-    gap = torch.tensor(GAPS[gaps], dtype=angles.dtype)
-    window = triangle(ring.cells, ring.half_length, angles.dtype)
-    _rings(start.numpy(), angles.numpy(), ring.layers, soft, window, gap.numpy(), found.numpy(), valid.numpy())
-    return found, valid
+    return averaged(organised(start, angles, ring, soft), ring.half_length, gaps, soft)
 
 
 def rings_in_torch(start: Tensor, angles: Tensor, ring: Ring, gaps: str, soft: bool) -> tuple[Tensor, Tensor]:
     """`rings` by torch's operations, on any device."""
-    grid = _organised(start, angles, ring, soft)
-    return averaged_in_torch(grid, ring.half_length, gaps, soft), (grid[..., 0] > 0).any(2).any(1)
+    return averaged_in_torch(organised_in_torch(start, angles, ring, soft), ring.half_length, gaps, soft)
 
 
-def _organised(start: Tensor, angles: Tensor, ring: Ring, soft: bool) -> Tensor:
-    """The grid (N, 2, cells, 3) that `organise` fills: neighbours of a cell are added up in their order."""
+def organised(start: np.ndarray, angles: np.ndarray, ring: Ring, soft: bool = False) -> np.ndarray:
+    """The grids (N, 2, 3, cells): how many neighbours a cell has, and the sums of their alpha1 and alpha2.
+
+    Those without alpha3 are left out, and those of a layer beyond `ring.layers`. The layer is the top where alpha2
+    <= 90 deg. With `soft` a neighbour is shared between the two cells whose centres enclose its alpha3, in proportion
+    to its nearness: sums then change smoothly as the frame turns.
+    """
+    grid = np.zeros((len(start) - 1, 2, 3, ring.cells), angles.dtype)
+    _organise(start, angles, ring.layers, soft, grid)
+    return grid
+
+
+def organised_in_torch(start: Tensor, angles: Tensor, ring: Ring, soft: bool) -> Tensor:
+    """`organised` by torch's operations: neighbours of a cell are added up in their order."""
     N, cells = len(start) - 1, ring.cells
     feature = torch.arange(N, device=start.device).repeat_interleave(start.diff(), output_size=angles.shape[1])
     layer = (angles[1] > math.pi / 2 + SINGULAR).long()
@@ -68,56 +76,33 @@ def _organised(start: Tensor, angles: Tensor, ring: Ring, soft: bool) -> Tensor:
     order = index.argsort(stable=True)
     values = torch.stack([weight, weight * alpha1, weight * alpha2], dim=1)[order]
     counts = torch.bincount(index, minlength=2 * N * cells)
-    return torch.segment_reduce(values, "sum", lengths=counts, axis=0, unsafe=True).view(N, 2, cells, 3)
+    return torch.segment_reduce(values, "sum", lengths=counts, axis=0, unsafe=True).view(N, 2, cells, 3).mT
 
 
 @compiled
-def _rings(
-    start: np.ndarray,
-    angles: np.ndarray,
-    layers: int,
-    soft: bool,
-    window: tuple[np.ndarray, np.ndarray],
-    gap: np.ndarray,
-    found: np.ndarray,
-    valid: np.ndarray,
-) -> None:
-    grid = np.empty((2, found.shape[2], 3), found.dtype)
-    for i in range(len(found)):
-        grid[:] = 0
-        organise(angles[:, start[i] : start[i + 1]], soft, grid[:layers])
-        valid[i] = averaged(grid, window, gap, soft, found[i])
-
-
-@compiled
-def organise(angles: np.ndarray, soft: bool, grid: np.ndarray) -> None:
-    """Add neighbours, angles (3, P), to the grid (layers, cells, 3): to their cell's number and sums of alpha1, alpha2.
-
-    Those without alpha3 are left out, and those of a layer that the grid does not have. The layer is the top where
-    alpha2 <= 90 deg. With `soft` a neighbour is shared between the two cells whose centres enclose its alpha3, in
-    proportion to its nearness: sums then change smoothly as the frame turns.
-    """
-    layers, cells = grid.shape[:2]
-    number = grid.dtype.type
+def _organise(start: np.ndarray, angles: np.ndarray, layers: int, soft: bool, grid: np.ndarray) -> None:
+    """In and out: grid (N, 2, 3, cells), to which the neighbours are added."""
+    cells, number = grid.shape[3], grid.dtype.type
     scale, first = number(cells / (2 * math.pi)), number(cells if soft else cells + 0.5)  # places are positive
     perpendicular = number(math.pi / 2 + SINGULAR)
-    for pair in range(angles.shape[1]):
-        layer = 1 if angles[1, pair] > perpendicular else 0
-        if layer >= layers or math.isnan(angles[2, pair]):
-            continue
-        place = angles[2, pair] * scale + first
-        cell = int(place)
-        nearness = number(place - cell)
-        cell -= cells if cell >= cells else 0
-        if soft:
-            _add(grid[layer, cell], number(1) - nearness, angles[0, pair], angles[1, pair])
-            _add(grid[layer, cell + 1 if cell + 1 < cells else 0], nearness, angles[0, pair], angles[1, pair])
-        else:
-            _add(grid[layer, cell], number(1), angles[0, pair], angles[1, pair])
+    for i in range(len(grid)):
+        for pair in range(start[i], start[i + 1]):
+            layer = 1 if angles[1, pair] > perpendicular else 0
+            if layer >= layers or math.isnan(angles[2, pair]):
+                continue
+            place = angles[2, pair] * scale + first
+            cell = int(place)
+            nearness = number(place - cell)
+            cell -= cells if cell >= cells else 0
+            if soft:
+                _add(grid[i, layer], cell, number(1) - nearness, angles[0, pair], angles[1, pair])
+                _add(grid[i, layer], cell + 1 if cell + 1 < cells else 0, nearness, angles[0, pair], angles[1, pair])
+            else:
+                _add(grid[i, layer], cell, number(1), angles[0, pair], angles[1, pair])
 
 
 @compiled
-def _add(cell: np.ndarray, weight: float, alpha1: float, alpha2: float) -> None:
-    cell[0] += weight
-    cell[1] += weight * alpha1
-    cell[2] += weight * alpha2
+def _add(layer: np.ndarray, cell: int, weight: float, alpha1: float, alpha2: float) -> None:
+    layer[0, cell] += weight
+    layer[1, cell] += weight * alpha1
+    layer[2, cell] += weight * alpha2

@@ -53,17 +53,21 @@ def loop_frames(X: torch.Tensor, n: torch.Tensor) -> torch.Tensor:
     """Reference frames (N, 3, 3) towards the mean of the neighbours."""
     near = (torch.cdist(X, X) <= ARGMAX.radius) & ~torch.eye(len(X), dtype=torch.bool)
     towards = [X[row].mean(dim=0) - x if row.any() else torch.zeros(3) for x, row in zip(X, near, strict=True)]
-    return reference_frames(n, torch.stack(towards).to(n))
+    return torch.from_numpy(reference_frames(n.numpy(), torch.stack(towards).to(n).numpy()))
 
 
 def turned_spgf(angle: torch.Tensor, X: torch.Tensor, n: torch.Tensor, config: FeatureConfig) -> Features:
     """Features whose R_x is turned by the angle (N,), rad: a texlet is known by its normal."""
 
     def frames(normals: torch.Tensor, towards: torch.Tensor) -> torch.Tensor:
-        return turned(reference_frames(normals, towards), angle[torch.cdist(normals, n).argmin(dim=1)])
+        own = torch.from_numpy(reference_frames(normals.numpy(), towards.numpy()))
+        return turned(own, angle[torch.cdist(normals, n).argmin(dim=1)])
+
+    def in_loops(normals: np.ndarray, towards: np.ndarray) -> np.ndarray:
+        return frames(torch.from_numpy(normals), torch.from_numpy(towards)).numpy()
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(describe, "reference_frames", frames)
+        patch.setattr(describe, "reference_frames", in_loops)
         patch.setattr(describe, "frames_in_torch", frames)
         return spgf(X, n, config)
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from spgf_torch.ops.alignment import TIE, _run_lengths, aligned_poses, highest_curvature, start_at
+from spgf_torch.ops import alignment
+from spgf_torch.ops.alignment import TIE, _run_lengths, aligned_poses, start_at
 
 RIGHT = math.pi / 2
 
@@ -18,9 +19,13 @@ def rings_of(curvature: torch.Tensor) -> torch.Tensor:
     return rings
 
 
+def highest_curvature(rings: torch.Tensor) -> torch.Tensor:
+    return torch.from_numpy(alignment.highest_curvature(rings.numpy()))
+
+
 def aligned(rings: torch.Tensor, start: torch.Tensor) -> torch.Tensor:
     moved = torch.empty_like(rings)
-    start_at(rings, start, torch.arange(len(rings)), moved)
+    start_at(rings.numpy(), start.numpy(), np.arange(len(rings)), moved.numpy())
     return moved
 
 
@@ -101,7 +106,7 @@ def test_run_lengths_against_a_walk():
 
 def test_start_at_moves_both_layers_to_their_rows():
     rings, moved = torch.arange(2 * 2 * 8 * 2.0).view(2, 2, 8, 2), torch.zeros((3, 2, 8, 2))
-    start_at(rings, torch.tensor([3, 0]), torch.tensor([2, 0]), moved)
+    start_at(rings.numpy(), np.array([3, 0]), np.array([2, 0]), moved.numpy())
     assert torch.equal(moved[2], rings[0].roll(-3, dims=1))
     assert torch.equal(moved[0], rings[1])
     assert not moved[1].any()
@@ -110,7 +115,8 @@ def test_start_at_moves_both_layers_to_their_rows():
 def test_poses_turn_the_frame_to_the_start_cell():
     """A quarter of the ring onwards x is where y was; the normal stays."""
     frame = torch.tensor([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # columns: x = R_y of the world, and so on
-    T = aligned_poses(frame.expand(2, 3, 3).contiguous(), torch.tensor([0, 9]), 36, torch.tensor([[1.0, 2, 3]] * 2))
+    frames, positions = np.stack([frame.numpy()] * 2), np.array([[1, 2, 3]] * 2, np.float32)
+    T = torch.from_numpy(aligned_poses(frames, np.array([0, 9]), 36, positions))
     assert torch.equal(T[0, :3, :3], frame)
     assert torch.allclose(T[1, :3, :3], torch.stack([frame[:, 1], -frame[:, 0], frame[:, 2]], dim=1), atol=1e-7)
     assert T[:, :3, 3].tolist() == [[1, 2, 3]] * 2

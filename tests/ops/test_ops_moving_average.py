@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-import torch
 
 from spgf_torch.ops.moving_average import GAPS, averaged, triangle
 
@@ -12,17 +11,16 @@ RIGHT = math.pi / 2
 
 
 def average(grid: np.ndarray, half_length: int = 6, gaps: str = "saturated", soft: bool = False) -> np.ndarray:
-    found = np.empty((*grid.shape[:2], 2))
-    valid = averaged(grid, triangle(grid.shape[1], half_length, torch.float64), np.array(GAPS[gaps]), soft, found)
-    assert valid == (grid[..., 0] > 0).any()
-    return found
+    found, valid = averaged(grid[None], half_length, gaps, soft)
+    assert valid.tolist() == [(grid[:, 0] > 0).any()]
+    return found[0]
 
 
 def ring(values: dict[int, float], cells: int = 36, number: int = 1) -> np.ndarray:
-    """A grid (2, cells, 3), alike in both layers and angles: so many neighbours of the same value in some cells."""
-    grid = np.zeros((2, cells, 3))
+    """A grid (2, 3, cells), alike in both layers and angles: so many neighbours of the same value in some cells."""
+    grid = np.zeros((2, 3, cells))
     for cell, value in values.items():
-        grid[:, cell] = number, number * value, number * value
+        grid[:, :, cell] = number, number * value, number * value
     return grid
 
 
@@ -59,14 +57,14 @@ def test_no_half_length_is_no_average():
 
 def test_a_filter_longer_than_the_ring_counts_each_cell_once():
     """4 cells, n = 6: by the shorter way round the distances are 0, 1, 2, 1: weights 7, 6, 5, 6 sevenths."""
-    ahead, weight = triangle(4, 6, torch.float64)
-    assert ahead.tolist() == [0, 1, 2, 3]
+    ahead, weight = triangle(4, 6)
+    assert ahead.tolist() == [0, 1, 2, -1]
     assert (7 * weight).tolist() == pytest.approx([7, 6, 5, 6])
 
 
 @pytest.mark.parametrize("half_length", [0, 1, 6])
 def test_the_filter_comes_by_fours(half_length):
-    ahead, weight = triangle(36, half_length, torch.float64)
+    ahead, weight = triangle(36, half_length)
     assert len(ahead) % 4 == 0
     assert weight.sum() == pytest.approx(half_length + 1)
 
@@ -76,7 +74,7 @@ def test_the_filter_comes_by_fours(half_length):
 )
 def test_gaps_are_encoded(gaps, values):
     grid = ring(dict.fromkeys(range(36), 0.25))
-    grid[0, 3] = grid[1, 5] = 0
+    grid[0, :, 3] = grid[1, :, 5] = 0
     found = average(grid, 0, gaps)
     assert found[[0, 1], [3, 5]].tolist() == [pytest.approx(value) for value in values]
     assert (found == 0.25).sum() == 2 * 2 * 36 - 4

@@ -2,13 +2,31 @@
 
 import math
 
+import numpy as np
 import pytest
 import torch
 
-from spgf_torch.ops.relations import pairs_of, reference_frames, relations, turned
+from spgf_torch.ops import relations as loops
+from spgf_torch.ops.relations import Pairs, turned
 
 unit = torch.nn.functional.normalize
 SEEN = torch.eye(3, dtype=torch.float64)[None]  # a frame along the axes
+
+
+def pairs_of(*given: torch.Tensor) -> Pairs[np.ndarray]:
+    return loops.pairs_of(*(tensor.numpy() for tensor in given))
+
+
+def relations(pairs: Pairs[np.ndarray], frames: torch.Tensor) -> torch.Tensor:
+    return torch.from_numpy(loops.relations(pairs, frames.numpy()))
+
+
+def reference_frames(normals: torch.Tensor, towards: torch.Tensor) -> torch.Tensor:
+    return torch.from_numpy(loops.reference_frames(normals.numpy(), towards.numpy()))
+
+
+def towards_of(*given: torch.Tensor) -> torch.Tensor:
+    return torch.from_numpy(pairs_of(*given).towards)
 
 
 def angles(local: torch.Tensor, normals: torch.Tensor, frame: torch.Tensor = SEEN) -> torch.Tensor:
@@ -81,7 +99,7 @@ def test_the_reference_axis_points_to_the_mean_of_the_neighbours():
     """Neighbours of the origin at x = 1 and 3 cm and y = 1 cm, their mean at (4/3, 1/3); the second has none."""
     cloud = torch.tensor([[0, 0, 0], [0.01, 0, 0], [0.03, 0, 0], [0, 0.01, 0], [1, 1, 1]], dtype=torch.float64)
     neighbour = torch.tensor([1, 2, 3], dtype=torch.int32)
-    towards = pairs_of(torch.tensor([0, 3, 3]), neighbour, cloud[[0, 4]], cloud, cloud).towards
+    towards = towards_of(torch.tensor([0, 3, 3]), neighbour, cloud[[0, 4]], cloud, cloud)
     assert torch.allclose(towards[0], torch.tensor([0.04 / 3, 0.01 / 3, 0], dtype=torch.float64))
     assert torch.equal(towards[1], torch.zeros(3, dtype=torch.float64))
     R_x = reference_frames(torch.tensor([[0.0, 0, 1]] * 2, dtype=torch.float64), towards)[:, :, 0]
@@ -93,7 +111,7 @@ def test_far_from_the_origin_the_axis_is_as_exact_as_the_points():
     """The mean of float32 positions would be off by 1e-7 of 10 m; steps between points are exact."""
     near = torch.tensor([[0.0, 0, 0], [2**-7, 0, 0], [0, 2**-8, 0]])
     start, neighbour = torch.tensor([0, 2]), torch.tensor([1, 2], dtype=torch.int32)
-    there, here = (pairs_of(start, neighbour, cloud[:1], cloud, cloud).towards for cloud in (near + 16, near))
+    there, here = (towards_of(start, neighbour, cloud[:1], cloud, cloud) for cloud in (near + 16, near))
     assert torch.equal(there, here)
 
 
