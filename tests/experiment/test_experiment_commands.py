@@ -146,6 +146,23 @@ def test_prototypes_of_another_model(
     assert torch.equal(load_model(tmp_path / "of_all").centres, load_model(alone).centres)
 
 
+def test_words_over_constellations_vote(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a word they are the paper's prototypes; a model keeps none, and what cannot be is refused."""
+    monkeypatch.chdir(small)
+    given = ["objects=objects", "trials=trials", *TINY, "constellations.words=6"]
+    (tmp_path / "words").mkdir()
+    train(typed(TrainConfig, composed("train", *given, "final_model=false")), tmp_path / "words")
+    results = json.loads((tmp_path / "words/results.json").read_text())
+    first = json.loads(Path("outputs/train/latest/results.json").read_text())
+    assert results["random"] == first["random"] and results["calibration"] != first["calibration"]
+    assert not (tmp_path / "words/model.json").exists()
+    monkeypatch.chdir(tmp_path)
+    says(train, TrainConfig, ["constellations.words: expected with final_model=false"], "train", *given)
+    Path("run").rmdir()
+    bent = [*given, "final_model=false", "constellations.inner=0.06"]
+    says(train, TrainConfig, ["constellations.inner: expected less than outer, 0.06 m, got 0.06"], "train", *bent)
+
+
 def test_prototypes_that_do_not_fit(small: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "objects").symlink_to(small / "objects")
     (tmp_path / "trials").symlink_to(small / "trials")
