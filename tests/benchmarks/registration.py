@@ -16,6 +16,7 @@ import spgf_torch  # noqa: F401  before torch: it sets how torch's threads wait
 # isort: split
 
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -228,6 +229,8 @@ def tell(report: Report, outcomes: Sequence[Outcome]) -> None:
         )
     overlaps = " / ".join(f"{np.mean([o.overlap for o in outcomes if o.apart == k]):.2f}" for k in APART)
     report.row(pairs=len(outcomes) // len(ways()), objects=len(ours), overlap_30_60_90_deg=overlaps)
+    missed = Counter(o.obj for o in outcomes if o.way == KNOWN and not registered(o))
+    report.row(missed_with_viewpoints=", ".join(f"{name} {count}" for name, count in missed.most_common()))
     report.figure(
         "two views registered by matched SPGF poses / with known viewpoints / by FPFH and RANSAC, %",
         "",
