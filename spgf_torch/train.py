@@ -58,6 +58,9 @@ def run(config: TrainConfig, folder: Path) -> None:
     found = read_objects(config, stages, cache)
     for note in found.notes:
         show(note)
+    if config.classwise and config.final_model:
+        show("classwise: each class is learned by itself, no model of all objects is kept")
+        config = replace(config, final_model=False)
     design = _design(found.objects, config)
     course = _course(found.objects, config, cache, stages)
     tables, made = _tables(found.objects, config, course)
@@ -100,7 +103,12 @@ def _check_constellations(config: TrainConfig) -> None:
 
 
 def _check_judge(config: TrainConfig) -> None:
-    """InputError for settings of a judge where none is to be learned, and for tables that are not there."""
+    """InputError for settings of a judge where none is to be learned, and for tables that are not there.
+
+    A judge stands beside a model of all objects, which `classwise` leaves out.
+    """
+    if config.judge != "none" and config.classwise:
+        raise InputError(f"classwise: expected false with judge={config.judge}, got true")
     given = {"own_trials": config.own_trials, "judging": config.judging, "address": config.address}
     for key, value in given.items():
         if value and config.judge == "none":
@@ -229,20 +237,23 @@ def _judge(
 
 def _design(objects: Sequence[GraspObject], config: TrainConfig) -> Design:
     """Folds and order of the objects; InputError where a fold would leave fewer than two to learn from."""
-    import numpy as np
-
-    from spgf_torch.evaluation.folds import stratified_folds, stratified_order
+    from spgf_torch.evaluation.folds import classwise_folds, stratified_folds, stratified_order
     from spgf_torch.experiment.experiment import Design
 
     classes = [obj.category for obj in objects]
-    fold = stratified_folds(classes, config.folds, config.seed)
-    teach = len(objects) - int(np.bincount(fold).max())
+    order = stratified_order(classes, config.seed)
+    if config.classwise:
+        fold, part = classwise_folds(classes, config.folds, config.seed)
+        design = Design(fold, order, config.training_objects, part)
+    else:
+        design = Design(stratified_folds(classes, config.folds, config.seed), order, config.training_objects)
+    teach = min(len(design.training(test)) for test in design.tests)
     if teach < 2:  # one is held out from the other, to calibrate
         raise InputError(
-            f"objects: expected two at least to learn from in each of the folds ({config.folds}), got {teach}: "
-            f"{config.objects} holds {len(objects)}"
+            f"objects: expected two at least to learn from in each of the folds ({config.folds}"
+            f"{' of each class' if config.classwise else ''}), got {teach}: {config.objects} holds {len(objects)}"
         )
-    return Design(fold, stratified_order(classes, config.seed), config.training_objects)
+    return design
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from hydra import compose, initialize_config_dir
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
@@ -201,3 +202,12 @@ def test_several_files_without_brackets() -> None:
     for name in ("a.png", "b.png"):
         Path(name).write_text("x")
     assert "input=[a.png,b.png]" in refused("predict", "input=a.png,b.png")
+
+
+def test_a_range_of_seeds_is_a_sweep_over_them() -> None:
+    """Hydra's own syntax: the upper end is not in it."""
+    *_, word = translated("train", TrainConfig, ["-m", "+K=20", "seed=range(5)"])
+    sweep = OverridesParser.create().parse_override(word)
+    assert list(sweep.sweep_string_iterator()) == ["0", "1", "2", "3", "4"]
+    with pytest.raises(InputError, match=r"^seed: expected one value, or a list .* or -m to try each; got range\(5\)"):
+        translated("train", TrainConfig, ["+K=20", "seed=range(5)"])

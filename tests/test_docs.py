@@ -34,6 +34,7 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs/tools"))
 
 from command_pages import command_page, kind_of, read_settings  # noqa: E402
+from paper_tables import filled  # noqa: E402
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 FENCE = re.compile(r"^```(?P<info>[^\n]*)\n(?P<text>.*?)^```", re.DOTALL | re.MULTILINE)
@@ -250,3 +251,12 @@ def test_a_page_shows_default_range_and_reason_of_a_key() -> None:
 def test_unknown_settings_raise_one_line() -> None:
     with pytest.raises(InputError, match="unknown key"):
         translated("train", kind_of("train"), ["KK=3"])
+
+
+def test_tables_of_the_paper_come_from_a_report(tmp_path: Path) -> None:
+    """What stands between the marks of a file goes, the text around them stays, also between two tables."""
+    (tmp_path / "a.md").write_text("| new |\n")
+    (tmp_path / "b.md").write_text("| b |\n")
+    page = "x\n<!-- a.md -->\nold\n<!-- end -->\ny\n<!-- b.md -->\n<!-- end -->\nz"
+    expected = "x\n<!-- a.md -->\n\n| new |\n\n<!-- end -->\ny\n<!-- b.md -->\n\n| b |\n\n<!-- end -->\nz"
+    assert filled(page, tmp_path) == expected and filled(expected, tmp_path) == expected

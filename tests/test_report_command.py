@@ -10,7 +10,7 @@ import pytest
 from commands import call
 
 sys.path.insert(0, str(Path(__file__).parent / "reporting"))
-from report_runs import write_run
+from report_runs import defaults, write_run
 
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.reporting.config import ReportConfig
@@ -20,10 +20,12 @@ from spgf_torch.reporting.pages.build import build
 ROOT = Path(__file__).parents[1]
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 PICTURES = [
-    *("fig09_success_over_K", "fig10_prototypes", "fig11_objects", "fig12_NPG", "fig13_WPG"),
+    *("fig01_overview", "fig02_angles", "fig03_grid", "fig04_moving_average", "fig05_alignment"),
+    *("fig06_transformation", "fig07_setup"),
+    *("fig09_success_over_K", "reach_over_K", "fig10_prototypes", "fig11_objects", "fig12_NPG", "fig13_WPG"),
     *("reliability", "precision_at_n", "worst_objects"),
 ]
-TABLES = ["table1.md", "table1.csv", "table1.tex", "ablations.md", "ablations.csv"]
+TABLES = ["table1.md", "table1_short.md", "table1.csv", "table1.tex", "ablations.md", "ablations.csv", "reach.md"]
 SMALL = ["objects=1", "worst=2", "grasps=6", "precision=20", "bootstrap=200"]
 QUIET = [
     *("--headless", "--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader"),
@@ -45,11 +47,15 @@ def report(*overrides: str, cwd: Path) -> subprocess.CompletedProcess:
 
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess]:
-    """A report on a sweep of two K with a variant, an interrupted run, one of other data, and a torn model."""
+    """A report on a sweep of two K with two seeds, another reach, a variant, an interrupted run, one of other data."""
     folder = tmp_path_factory.mktemp("report")
     runs = folder / "outputs/train"
     write_run(runs / "2026-01-01_00-00-00.000000_a", K=3, skill=2)
     write_run(runs / "2026-01-01_00-00-01.000000_b", K=5, skill=1, model=False)
+    write_run(runs / "2026-01-01_00-00-01.100000_b", K=3, skill=1, model=False, seed=1)
+    near = {**defaults()["affordance"], "reach": 0.05}
+    for K in (3, 5):
+        write_run(runs / f"2026-01-01_00-00-01.200000_n{K}", K=K, model=False, affordance=near)
     write_run(runs / "2026-01-01_00-00-02.000000_c", K=3, skill=0, model=False, folds=2)
     write_run(runs / "2026-01-01_00-00-00.500000_d", K=10, model=False, dataset="other")
     write_run(runs / "2026-01-01_00-00-03.000000_e", K=3, model=False)
@@ -67,9 +73,10 @@ def test_every_file_is_there_and_nothing_half_written(
     for name in PICTURES:
         assert (folder / f"{name}.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     assert "folds = 2 (3)" in (folder / "ablations.md").read_text()
-    assert "K = 5, paper" in done.stdout and "index.html" in done.stdout
+    assert "K = 3, ours, 2 seeds" in (folder / "table1.md").read_text()
+    assert "K = 5, the paper" in done.stdout and "index.html" in done.stdout
     told = [line for line in done.stderr.splitlines() if line.startswith("report:")]
-    assert len(told) == 2 and "interrupted" in told[0] and "other objects" in told[1]
+    assert len(told) == 3 and "interrupted" in told[0] and "other objects" in told[1] and "fold_models=true" in told[2]
     assert "Warning" not in done.stderr, done.stderr
 
 
@@ -80,7 +87,9 @@ def test_the_page_needs_nothing_else(reported: tuple[Path, subprocess.CompletedP
     own = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)  # plotly.js itself has addresses, unused
     assert not re.search(r"""(src|href)=["']?(https?:)?//|url\(["']?(https?:)?//|@import""", own)
     assert own.count('class="view"') == 5 and "wall 1" in own and "interrupted" in own
-    assert {"summary", "table1", "choice", "fig9", "fig10", "worst", "ablations"} <= set(re.findall(r'id="(\w+)"', own))
+    assert {"summary", "table1", "choice", *(f"fig{i}" for i in (1, 2, 7, 8, 9, 10, 13)), "worst", "ablations"} <= set(
+        re.findall(r'id="(\w+)"', own)
+    )
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no chromium, chromium-browser or google-chrome here")
@@ -114,7 +123,18 @@ def test_torn_files_leave_their_figures_out(tmp_path: Path) -> None:
     (run / "predictions.parquet").write_bytes(b"torn")
     rates = ["nested", "paper"]
     config = ReportConfig(
-        str(run), rates[0], rates, None, objects=1, worst=1, grasps=4, precision=5, bootstrap=100, seed=0
+        str(run),
+        rates[0],
+        rates,
+        None,
+        pictured=10,
+        fold=0,
+        objects=1,
+        worst=1,
+        grasps=4,
+        precision=5,
+        bootstrap=100,
+        seed=0,
     )
     notes = Notes()
     build(config, load_runs(config.runs, notes), tmp_path, ProgressReporter(), notes)

@@ -22,6 +22,7 @@ from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.ops.neighbourhood_analysis import Queries, Space, Weights, populate
 from spgf_torch.ops.neighbourhood_analysis import analyse as counts_around
 from spgf_torch.ops.neighbourhood_analysis import condense as significant_cells
+from spgf_torch.ops.outcome_counts import outcome_counts as outcomes_of_partitions
 
 
 @dataclass(frozen=True)
@@ -107,16 +108,15 @@ def condense(
     `parts` are the particles of one object each; their order does not matter.
     """
     space, weights = ShapeGraspSpace.of([parts], prototypes, grid), Weights.of(kernel, parts[0].cell.device)
-    rates = base_rates(torch.stack([outcome_counts(part) for part in parts]).sum(0))
+    rates = base_rates(torch.stack([outcome_counts(part, prototypes) for part in parts]).sum(0))
     return Condensed(*significant_cells(space.particles, weights, grid.numbers, min_support), rates)
 
 
-def outcome_counts(particles: Particles) -> Tensor:
+def outcome_counts(particles: Particles, prototypes: int) -> Tensor:
     """(types, 2) int64: successes and particles of each grasp type."""
-    types = len(GRASP_TYPES)
-    outcome = particles.partition % types * 2 + known_outcomes(particles.success)
-    failures, successes = torch.bincount(outcome, minlength=2 * types).view(types, 2).unbind(1)
-    return torch.stack([successes, failures + successes], dim=1)
+    types, success = len(GRASP_TYPES), known_outcomes(particles.success)
+    counts = outcomes_of_partitions(particles.partition, success, prototypes * types).view(prototypes, types, 2).sum(0)
+    return torch.stack([counts[:, 1], counts.sum(1)], dim=1)
 
 
 def base_rates(counts: Tensor) -> Tensor:

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import LinearSegmentedColormap, to_hex, to_rgb
-
-from spgf_torch.prototypes.naming import FAMILIES, family_of
+from matplotlib.colors import LinearSegmentedColormap
 
 DPI = 300
 TYPE_COLOURS = {"NPG": "#0072B2", "WPG": "#D55E00", "CG": "#00795A"}
-FAMILY_COLOURS = dict(zip(FAMILIES, ("#7a7a7a", "#0072B2", "#E69F00", "#009E73", "#B0508F"), strict=True))
+# Of prototypes by id: Okabe and Ito's, then such as lie far from those before them in CIELAB and from white. The
+# paper's largest K is 25.
+PROTOTYPE_COLOURS = (
+    *("#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F0E442", "#4b3c0f", "#6a2fb5", "#7fd000"),
+    *("#ff1ef0", "#0000e0", "#ff005a", "#b4a578", "#870f2d", "#a587ff", "#005a5a", "#0f5a00", "#00e178", "#5a3c5a"),
+    *("#ff8778", "#3ce1e1", "#c30087", "#5aa500", "#808080"),
+)
 # Rows of a comparison, the reference first.
 METHOD_COLOURS = ("#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 PAPER, CHANCE, CEILING = "#8a8a8a", "#444444", "#b9b9b9"
-FAILED, HELD = "#c8102e", "#1a9641"
+FAILED, HELD, COLLIDED = "#c8102e", "#1a9641", "#f2a2b3"
 MESH = "#dfe5ea"
+CENTRE, NEIGHBOUR, OPPOSITE = "#c8102e", "#0072B2", "#7fb7e0"  # a feature, what is near it, and what faces away
+OTHER = "#d3d8dc"  # the other features of the object
+TOWARDS, ALONG = "#b3202a", "#2c7d32"  # x and y of a frame: the aligned direction, R_x before it; R_y
 OBSTACLE, TABLE = "#7d9cc0", ("#f3efe6", "#ebe5d8")  # of scenes: other things; a table's tiles in turn
 LIGHT = np.array([0.35, -0.55, 0.76]) / np.linalg.norm([0.35, -0.55, 0.76])  # towards the lamp: front right, above
 
@@ -62,21 +69,9 @@ def angle_colours(degrees: np.ndarray) -> np.ndarray:
     return scale(ANGLE_SCALE)(np.clip(degrees / 180, 0, 1))[:, :3]
 
 
-def prototype_colours(names: Sequence[str]) -> list[str]:
-    """A colour for each prototype: its family's, in shades from dark to light within the family."""
-    members: Mapping[str, list[int]] = {
-        family: [k for k, name in enumerate(names) if family_of(name) == family] for family in FAMILIES
-    }
-    return [
-        _shade(name, members[family_of(name)].index(k), len(members[family_of(name)])) for k, name in enumerate(names)
-    ]
-
-
-def _shade(name: str, i: int, of: int) -> str:
-    """Mixed with black (the first of a family) to mixed with white (the last)."""
-    share = np.linspace(-0.5, 0.55, of)[i] if of > 1 else 0.0
-    mixed = np.asarray(to_rgb(FAMILY_COLOURS[family_of(name)])) * (1 - abs(share)) + max(share, 0.0)
-    return to_hex(mixed.tolist())
+def prototype_colours(count: int) -> list[str]:
+    """A colour for each of K prototypes by id, the same in every figure; beyond the palette they come round again."""
+    return [PROTOTYPE_COLOURS[k % len(PROTOTYPE_COLOURS)] for k in range(count)]
 
 
 def camera(view: tuple[float, float]) -> np.ndarray:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from spgf_torch.evaluation.results import chosen_words
+from spgf_torch.affordance.config import NESTED
+from spgf_torch.evaluation import paper
+from spgf_torch.evaluation.results import KNOWS_MORE, chosen_words
 from spgf_torch.evaluation.success import TYPES
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.objects.config import CLASSES
@@ -58,11 +60,17 @@ shape-grasp particles within {1000 * affordance.reach:g} mm, neighbourhoods of {
 
 ## Results on novel objects
 {config.folds}-fold cross-validation over objects: success-rate (%) of the {config.N} highest-ranked grasps, with its
-95 % interval over objects. CG: both types in one ranking. The ranking was chosen inside the training folds:
-{chosen_words(results["chosen"])}. The model in this folder learned from all objects; these rates are of its siblings
-in the folds.
+95 % interval over objects. One seed ({config.seed}): other folds, noise and draws would move the rates, and are not in
+the intervals. CG: both types in one ranking. The model in this folder learned from all objects; these rates are of its
+siblings in the folds.
 
-{_rates(results)}
+Ranked as in the paper. {paper.OTHER_DATA}
+
+{_rates(results, "paper")}
+
+{KNOWS_MORE} Chosen was {chosen_words(results["chosen"])}.
+
+{_rates(results, NESTED)}
 
 Probabilities of success (`calibrated`), on the candidates of novel objects:
 
@@ -86,15 +94,17 @@ def _dictionary(results: Mapping[str, Any]) -> str:
     return f"Its prototypes are those of a model of {about['hand']} (`{about['sha256'][:16]}`);\n{known}.\n\n"
 
 
-def _rates(results: Mapping[str, Any]) -> str:
-    """A Markdown table: a row a class; rates with intervals, and chance."""
-    rates, intervals = results["by_ranking"]["nested"], results["interval95_by_ranking"]["nested"]
-    rows = ["| class | " + " | ".join(TYPES) + " | random NPG | random WPG |", "|---|" + "---|" * 5]
+def _rates(results: Mapping[str, Any], ranking: str) -> str:
+    """A Markdown table: a row a class; rates by a ranking with intervals, the paper's CG, and chance."""
+    rates, intervals = results["by_ranking"][ranking], results["interval95_by_ranking"][ranking]
+    printed = paper.SUCCESS_RATE.get(results["K"], {})
+    rows = ["| class | " + " | ".join(TYPES) + " | CG, the paper | random NPG | random WPG |", "|---|" + "---|" * 6]
     for name in (name for name in (*CLASSES, "all") if name in rates):
         cells = [
             f"{100 * rates[name][grasp_type]:.1f} ({100 * low:.0f}-{100 * high:.0f})"
             for grasp_type, (low, high) in ((each, intervals[name][each]) for each in TYPES)
         ]
+        cells.append(f"{printed[name]['CG']:.1f}" if name in printed else "-")
         cells += [f"{100 * results['random'][name][grasp_type]:.1f}" for grasp_type in ("NPG", "WPG")]
         rows.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(rows)

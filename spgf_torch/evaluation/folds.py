@@ -24,6 +24,20 @@ def stratified_folds(classes: Sequence[str], folds: int, seed: int) -> np.ndarra
     return fold
 
 
+def classwise_folds(classes: Sequence[str], folds: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """The fold and the class of each object, both (objects,) int64, where each class has `folds` folds of its own.
+
+    Folds are numbered through: 0 .. folds - 1 are of the first class by name.
+    """
+    labels = np.asarray(classes)
+    names, part = np.unique(labels, return_inverse=True)
+    fold = np.empty(len(labels), dtype=np.int64)
+    for number, name in enumerate(names):
+        members = labels == name
+        fold[members] = number * folds + stratified_folds(labels[members].tolist(), folds, seed)
+    return fold, part
+
+
 def stratified_order(classes: Sequence[str], seed: int) -> np.ndarray:
     """A random order (objects,) int64 of all objects whose every beginning has nearly the classes' proportions."""
     rng = np.random.default_rng(seed)

@@ -30,6 +30,7 @@ class TrainConfig(ObjectsConfig):
     trials_per_object: int = bounded(1, 1_000_000)
     training_objects: int = bounded(2, 1_000_000)
     final_model: bool = MISSING
+    classwise: bool = field(default=False)  # so in older runs, which do not say
     fold_models: bool = MISSING
     bootstrap: int = bounded(100, 1_000_000)
     prototypes_from: str | None = text(None)

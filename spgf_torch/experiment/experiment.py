@@ -32,11 +32,13 @@ class Design:
         fold: (objects,) int, the fold in which each object is novel.
         order: (objects,) int, the order in which objects are taken where not all may teach.
         limit: how many objects may teach.
+        part: (objects,) int, within which alone objects learn from one another, and folds are; None: all from all.
     """
 
     fold: np.ndarray
     order: np.ndarray
     limit: int
+    part: np.ndarray | None = None
 
     @property
     def tests(self) -> list[int]:
@@ -50,6 +52,9 @@ class Design:
     def training(self, test: int | None) -> list[int]:
         """Objects that teach what is used on the fold `test` (None: of all folds), in their own order."""
         allowed = [i for i in self.order.tolist() if self.fold[i] != test]
+        if self.part is not None and test is not None:
+            part = self.part[self.novel(test)[0]]
+            allowed = [i for i in allowed if self.part[i] == part]
         return sorted(allowed[: self.limit])
 
     def groups(self, test: int) -> list[list[int]]:

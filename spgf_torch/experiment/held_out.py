@@ -51,6 +51,13 @@ def save_fold_models(
 
 def load_fold_models(run: Path, device: str = "cpu") -> FoldModels:
     """The models that `save_fold_models` left. Raises InputError where there are none, or they are damaged."""
+    novel = novel_by_fold(run)
+    folds = sorted({fold for fold, _ in novel.values()})
+    return FoldModels({fold: load_model(run / FOLDER / str(fold), device) for fold in folds}, novel)
+
+
+def novel_by_fold(run: Path) -> dict[str, tuple[int, str]]:
+    """Of each object of the run the fold whose model has not seen it, and its digest. Raises InputError as above."""
     path = run / FOLDER / LIST
     if not path.is_file():
         raise InputError(
@@ -58,10 +65,8 @@ def load_fold_models(run: Path, device: str = "cpu") -> FoldModels:
         )
     try:
         listed = json_values(path, "the folds of objects", sealed=True)
-        novel = {name: (int(row["fold"]), str(row["digest"])) for name, row in listed.items() if name != SEAL}
+        return {name: (int(row["fold"]), str(row["digest"])) for name, row in listed.items() if name != SEAL}
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError):
         raise InputError(f"{path}: expected fold and digest of each object, got something else") from None
-    folds = sorted({fold for fold, _ in novel.values()})
-    return FoldModels({fold: load_model(run / FOLDER / str(fold), device) for fold in folds}, novel)

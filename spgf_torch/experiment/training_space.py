@@ -26,7 +26,9 @@ class TrainingSpace:
         self.grid, self.kernel = grid_of(config), kernel_of(config)
         parts = [[shape_grasp_particles(obj.pairs, self.ids(obj), obj.outcomes) for obj in group] for group in groups]
         self.space = ShapeGraspSpace.of(parts, len(centres), self.grid)
-        self.outcomes = torch.stack([torch.stack([outcome_counts(p) for p in group]).sum(0) for group in parts])
+        self.outcomes = torch.stack(
+            [torch.stack([outcome_counts(p, len(centres)) for p in group]).sum(0) for group in parts]
+        )
 
     def ids(self, obj: DescribedObject) -> Tensor:
         """(F,) int64 prototypes of an object's features."""

@@ -5,7 +5,6 @@ the tensors are, loops compiled for the CPU, and what `torch.compile` must know 
 operator and never for a device. Both implementations compute in the same precision and in the same order, so that a
 pose falls into the same cell in either. With `SPGF_OPS=torch` in the environment nothing compiled runs.
 
-<<<<<<< HEAD
     describe                texlets -> pose and rings of the feature at each; its steps:
         neighbours            points -> pairs of neighbours
         relations             pairs -> frames and angles
@@ -20,23 +19,11 @@ pose falls into the same cell in either. With `SPGF_OPS=torch` in the environmen
         cell_pairs            the pairs within reach and their cells, listed
     neighbourhood_analysis  shape-grasp particles -> weighted counts of success around cells
         neighbourhood_loops   its loops over particles
+    outcome_counts          shape-grasp particles -> successes and particles of each prototype and grasp type
     look_up                 cells -> points of a condensed shape-grasp space
-    accumulate_votes        features and grasps -> how many votes each grasp gets, and their worth
+    accumulate_votes        features and grasps -> how many votes each grasp gets, and their gain
     points_in_volume        points and hands -> whether a hand holds a point
     farthest_first          points -> a few that are spread over all
-=======
-    describe            texlets -> pose and rings of the feature at each
-    neighbours          points -> pairs of neighbours
-    kmeans, lloyd       points and centres -> the nearest centre; steps that move centres
-    kmeans_start        the search for the first centres: k-means++, weighted steps
-    partition           points -> parts that are alike
-    cell_pairs          features and grasps -> pairs within reach and their cells
-    analyse             shape-grasp particles -> weighted counts of success around cells
-    look_up             cells -> points of a condensed shape-grasp space
-    accumulate_votes    features and grasps -> how many votes each grasp gets, and their gain
-    points_in_volume    points and hands -> whether a hand holds a point
-    farthest_first      points -> a few that are spread over all
->>>>>>> records
 
 Tensors are in the units and frames of `spgf_torch.geometry`. No operator has a derivative: to ask for one is
 an error.

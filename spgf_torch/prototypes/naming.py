@@ -1,26 +1,27 @@
-"""Names of prototypes that a person can check: surface, wall, rim, edge, corner.
+"""Names of prototypes that say what most of their features are: surface, wall, rim, edge, cap, mixed.
 
 The rule looks at the two rings of a prototype (alpha1: how far the surface falls away below the centre's plane,
 alpha2: the angle to the centre's normal), in degrees, cell by cell:
 
 - a cell is a *gap* where alpha1 >= 60: an empty cell is written as 90, and a surface so steep is hardly ever seen;
 - the *other side* of a thin wall is where the bottom ring has no gap and alpha2 >= 135: it faces away;
-- a cell *bends* where the top ring has no gap and alpha2 >= 30, or the bottom ring no gap and alpha2 < 120;
-- the ring bends *to one side* where alpha2 of the top ring (without gaps) ranges over 30 or more: a sphere bends too,
-  but everywhere alike;
-- it is *concave* where the neighbours around the largest alpha2 lie above the plane: alpha1 <= -5 on average there.
+- it is *concave* where the neighbours around the largest alpha2 of the top ring lie above the plane: alpha1 <= -5 on
+  average there.
 
 Then, the first that holds:
 
-1. rim: a wall that ends. The top ring has a gap, and the bottom ring none in half of its cells.
-2. corner: more than 220 of the 360 degrees bend. A straight edge bends at most half of the ring, and the moving
-   average widens that by some 20 degrees at each end.
-3. edge: the ring bends to one side. (A wall that folds is one, too: both of its sides bend.)
-4. wall: the other side shows in a quarter of the ring.
-5. surface: the rest, flat or evenly round.
+1. rim: the other side shows in half of the ring, and a tenth of the top ring is gap: a wall that ends.
+2. wall: the other side shows in half of the ring.
+3. mixed: the other side shows in more than a twentieth of the ring, and it is not concave: some of the features are
+   walls, others are not, and no word holds for most.
+4. cap: alpha2 of the whole top ring is 35 or more: the surface falls away all around.
+5. edge: alpha2 of the top ring (without gaps) ranges over 30 or more: the surface bends, but not all around alike.
+6. surface: the rest, flat or evenly round.
 
-"inner" stands before the name of what is concave: the inside of a bowl, the foot of a wall. The thresholds were set by
-looking at the twenty prototypes of K = 20; nothing is learned from them. Gaps must be encoded as the paper does
+"inner" stands before the name of what is concave: the inside of a bowl, the foot of a wall. Corners have no word: the
+prototypes that bend in most directions are edges of narrow faces as often as corners. The thresholds were set by what
+the objects' meshes have within the radius of each feature, on training objects of cross-validation; docs/paper.md says
+how many features are what the name of their prototype says. Gaps must be encoded as the paper does
 (`features.gaps: saturated`).
 """
 
@@ -30,18 +31,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-FAMILIES = ("surface", "wall", "rim", "edge", "corner")
+FAMILIES = ("surface", "wall", "rim", "edge", "cap", "mixed")
 
 GAP_DEG = 60.0
 OTHER_SIDE_DEG = 135.0
-BEND_DEG = 30.0
-BEYOND_DEG = 120.0  # of the bottom ring: below it is a side face, bent by a little more than a right angle
 RANGE_DEG = 30.0
+AROUND_DEG = 35.0  # least alpha2 of a cap
 CONCAVE_DEG = -5.0
-OTHER_SIDE_SHARE = 0.25
-BOTTOM_SHARE = 0.5
-CORNER_SHARE = 220 / 360
-AROUND_DEG = 30.0  # the neighbourhood of the largest alpha2 that tells concave from convex
+WALL_SHARE = 0.5
+MIXED_SHARE = 0.05
+RIM_SHARE = 0.1
+TWIN = 0.5  # of the distance between two prototypes: as near are they once one is mirrored
+NEAR_DEG = 30.0  # the neighbourhood of the largest alpha2 that tells concave from convex
 
 
 @dataclass(frozen=True)
@@ -50,17 +51,14 @@ class RingShape:
 
     Attributes:
         gap: share of the top ring's cells that are gaps.
-        bottom: share of the bottom ring's cells that are none.
         other_side: share of cells that show the other side of a wall.
-        bend: share of cells that bend.
-        range_deg: range of alpha2 over the top ring.
+        least_deg, range_deg: the smallest alpha2 of the top ring, and how far it ranges, without gaps.
         alpha1_deg: mean alpha1 around the largest alpha2 of the top ring.
     """
 
     gap: float
-    bottom: float
     other_side: float
-    bend: float
+    least_deg: float
     range_deg: float
     alpha1_deg: float
 
@@ -71,14 +69,13 @@ class RingShape:
     @property
     def family(self) -> str:
         """One of `FAMILIES`, by the rule of this module."""
-        sided = self.range_deg >= RANGE_DEG
-        if self.gap > 0 and self.bottom >= BOTTOM_SHARE:
-            return "rim"
-        if self.bend > CORNER_SHARE:
-            return "corner"
-        if sided:
-            return "edge"
-        return "wall" if self.other_side >= OTHER_SIDE_SHARE else "surface"
+        if self.other_side >= WALL_SHARE:
+            return "rim" if self.gap >= RIM_SHARE else "wall"
+        if self.other_side > MIXED_SHARE and not self.concave:
+            return "mixed"
+        if self.least_deg >= AROUND_DEG and not self.concave:
+            return "cap"
+        return "edge" if self.range_deg >= RANGE_DEG else "surface"
 
     @property
     def name(self) -> str:
@@ -93,14 +90,11 @@ def gaps(rings_deg: np.ndarray) -> np.ndarray:
 def ring_shape(rings_deg: np.ndarray) -> RingShape:
     """The features of the rule, of one prototype's rings (2, cells, 2): layer, cell, (alpha1, alpha2) in degrees."""
     top_gap, bottom_gap = gaps(rings_deg)
-    top, bottom = rings_deg[..., 1]
-    bend = (~top_gap & (top >= BEND_DEG)) | (~bottom_gap & (bottom < BEYOND_DEG))
-    seen = top[~top_gap]
+    seen = rings_deg[0, ~top_gap, 1]
     return RingShape(
         gap=float(top_gap.mean()),
-        bottom=float((~bottom_gap).mean()),
-        other_side=float((~bottom_gap & (bottom >= OTHER_SIDE_DEG)).mean()),
-        bend=float(bend.mean()),
+        other_side=float((~bottom_gap & (rings_deg[1, :, 1] >= OTHER_SIDE_DEG)).mean()),
+        least_deg=float(seen.min()) if len(seen) else 0.0,
         range_deg=float(np.ptp(seen)) if len(seen) else 0.0,
         alpha1_deg=_around_the_bend(rings_deg[0], top_gap),
     )
@@ -116,12 +110,28 @@ def family_of(name: str) -> str:
     return name.split()[-2]
 
 
+def mirror_twins(rings_deg: np.ndarray) -> dict[int, int]:
+    """Prototypes that are each other's mirror images: id -> id, both ways.
+
+    Rings (K, 2, cells, 2) are mirrored by going round them the other way, from the same cell 0. Twins are each other's
+    nearest mirror image, which brings them to at most `TWIN` of their distance. What is its own mirror image has none.
+    """
+    K, cells = len(rings_deg), rings_deg.shape[2]
+    mirrored = rings_deg[:, :, -np.arange(cells) % cells]
+    apart, plain = (
+        np.linalg.norm((rings_deg[:, None] - other[None]).reshape(K, K, -1), axis=2) for other in (mirrored, rings_deg)
+    )
+    nearest = apart.argmin(axis=1)
+    twins = [(i, int(j)) for i, j in enumerate(nearest) if i != j and nearest[j] == i]
+    return {i: j for i, j in twins if apart[i, j] <= TWIN * plain[i, j]}
+
+
 def _around_the_bend(ring: np.ndarray, gap: np.ndarray) -> float:
     """Mean alpha1 within 30 deg of the largest alpha2, of one ring (cells, 2) without its gaps; 0 of gaps alone."""
     cells = len(ring)
     if gap.all():
         return 0.0
     largest = int(np.where(gap, -np.inf, ring[:, 1]).argmax())
-    reach = round(AROUND_DEG / 360 * cells)
+    reach = round(NEAR_DEG / 360 * cells)
     near = (largest + np.arange(-reach, reach + 1)) % cells
     return float(ring[near, 0][~gap[near]].mean())

@@ -17,6 +17,8 @@ class ReportConfig:
     ranking: str = choice(NESTED, *RANKINGS, JUDGE)
     rankings: list[str] = field(default_factory=list)
     show: int | None = field(default=None)
+    pictured: int = bounded(1, 1000)
+    fold: int = bounded(0, 1000)
     objects: int = bounded(1, 100)
     worst: int = bounded(1, 100)
     grasps: int = bounded(2, 1000)

@@ -16,7 +16,7 @@ from spgf_torch.evaluation import paper, tables
 from spgf_torch.evaluation.card import model_card
 from spgf_torch.evaluation.executed import ObjectOutcome, executed_results
 from spgf_torch.evaluation.files import write_json, write_per_object
-from spgf_torch.evaluation.folds import stratified_folds, stratified_order
+from spgf_torch.evaluation.folds import classwise_folds, stratified_folds, stratified_order
 from spgf_torch.evaluation.predictions import Predictions, read_predictions, write_predictions
 from spgf_torch.evaluation.reliability import brier, reliability
 from spgf_torch.evaluation.results import build_results, object_rates, read_results
@@ -38,6 +38,16 @@ def test_folds_spread_every_class_evenly() -> None:
         assert counts.max() - counts.min() <= 1
     assert np.array_equal(fold, stratified_folds(CLASSES_OF_50, 5, seed=0))
     assert not np.array_equal(fold, stratified_folds(CLASSES_OF_50, 5, seed=1))
+
+
+def test_folds_of_each_class_are_its_own() -> None:
+    """Sorted by name: boxes have folds 0 to 4, containers 5 to 9, curved 10 to 14; sizes differ by at most one."""
+    fold, part = classwise_folds(CLASSES_OF_50, 5, seed=0)
+    for number, (name, count) in enumerate([("boxes", 14), ("containers", 20), ("curved", 16)]):
+        members = np.array(CLASSES_OF_50) == name
+        sizes = np.bincount(fold[members] - 5 * number, minlength=5)
+        assert sizes.sum() == count and len(sizes) == 5 and sizes.max() - sizes.min() <= 1
+        assert (part[members] == number).all()
 
 
 def test_every_beginning_of_the_order_has_the_proportions() -> None:
@@ -185,6 +195,10 @@ def test_the_model_card_says_what_was_measured(config: TrainConfig) -> None:
     card = model_card(results, config, objects=10, trials=600, size=2_000_000)
     rate = f"{100 * results['by_ranking']['nested']['all']['CG']:.1f}"
     assert rate in card and "600 simulated trials" in card and "2 MB" in card
+    by_paper = f"{100 * results['by_ranking']['paper']['boxes']['CG']:.1f}"
+    assert card.index("Ranked as in the paper") < card.index(by_paper) < card.index("knows more than the paper's")
+    assert rate in card[card.index("knows more than the paper's") :]
+    assert "One seed (0)" in card and "RobWorkSim" in card and "83.8" in card
     assert "log_odds in 4 of 5 folds" in card and "| WPG | 0.250 | 0.010 |" in card and "## Limits" in card
 
 
@@ -206,6 +220,7 @@ def test_the_table_shows_the_paper_beside_ours(config: TrainConfig) -> None:
     text = console.export_text()
     assert "log_odds in 4 of 5 folds, paper in 1 of 5 folds" in text and "WPG 0.100 (as voted" in text
     assert "83.8" in text and "nested" in text and "100.0" in text and "…" not in text
+    assert "of one seed (0)" in text and "RobWorkSim" in text and "sensed" in text
 
 
 def test_a_judge_stands_beside_the_votes(config: TrainConfig) -> None:

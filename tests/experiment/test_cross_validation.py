@@ -24,6 +24,14 @@ def test_a_design_keeps_novel_objects_apart() -> None:
     assert design.groups(1) == [[3], [2, 5]]
 
 
+def test_objects_of_other_parts_do_not_teach() -> None:
+    """Parts of objects 0, 1, 4 and 2, 3, 5; the fold of an object is one of its part's."""
+    design = Design(np.array([0, 1, 2, 3, 1, 2]), np.array([5, 4, 3, 2, 1, 0]), 100, np.array([0, 0, 1, 1, 0, 1]))
+    assert design.tests == [0, 1, 2, 3] and design.novel(1) == [1, 4]
+    assert design.training(0) == [1, 4] and design.training(1) == [0] and design.training(3) == [2, 5]
+    assert design.groups(3) == [[2], [5]] and design.training(None) == [0, 1, 2, 3, 4, 5]
+
+
 def test_a_single_training_fold_is_halved() -> None:
     design = Design(np.array([0, 0, 0, 1]), np.arange(4), limit=100)
     assert design.groups(1) == [[0, 2], [1]]

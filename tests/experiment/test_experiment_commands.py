@@ -212,11 +212,45 @@ def test_a_judge_joins_the_rankings(
     printed = capsys.readouterr().out
     assert "judge minus nested" in printed and "also knows unseen space" in printed
     told: list[str] = []
-    context = choose(typed(ReportConfig, composed("report")), find_sweep(load_runs("judged", told.append)), told.append)
-    groups = table1(context.sweep.runs, context.rankings, context.shown)
+    sweep = find_sweep(load_runs("judged", told.append), 100, 0, told.append)
+    context = choose(typed(ReportConfig, composed("report")), sweep, told.append)
+    groups = table1(sweep.rows, sweep.classwise(), context.rankings, context.row)
     assert "ranking: judge" in [group.heading for group in groups]
     assert len(predictions_of(context.shown, "judge")) == len(NAMES) and not told
     assert "knows more than the votes" in table_part(context, groups).section.body
+
+
+def test_each_class_by_itself(small: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Three folds of each class, which are novel to the rest of their class; the printed rates are the row [*]."""
+    monkeypatch.chdir(small)
+    Path("alone").mkdir()
+    fewer = ["folds=3", "affordance.features_per_object=15", "inner_grasps=50"]
+    asked = [*TINY, *fewer, "classwise=true", "objects=objects", "trials=trials"]
+    train(typed(TrainConfig, composed("train", *asked)), Path("alone"))
+    results = json.loads((Path("alone") / "results.json").read_text())
+    assert results["classwise"] is True and results["folds"] == 9 and set(results["chosen"]) == set(map(str, range(9)))
+    printed = capsys.readouterr().out
+    assert "each class by itself" in printed and "84.0" in printed and "no model" in printed
+    assert not (Path("alone") / "model.safetensors").exists() and not (Path("alone") / "README.md").exists()
+
+
+def test_a_class_with_too_few_objects_is_refused(tmp_path: Path, small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three boxes in two folds: one of them would learn from the single box of the other."""
+    monkeypatch.chdir(tmp_path)
+    asked = [*TINY, "classwise=true", f"objects={small / 'objects'}", f"trials={small / 'trials'}"]
+    says(train, TrainConfig, ["objects", "two at least", "of each class", "got 1"], "train", *asked)
+
+
+def test_a_judge_of_single_classes_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    asked = [
+        "K=4",
+        "classwise=true",
+        "judge=learn",
+        f"objects={ROOT / 'data/objects'}",
+        f"trials={ROOT / 'data/trials'}",
+    ]
+    says(train, TrainConfig, ["classwise", "false with judge=learn", "got true"], "train", *asked)
 
 
 @pytest.mark.parametrize(

@@ -204,6 +204,11 @@ def analyse() -> list[Case]:
     return [(*case, COARSE.numbers) for case in [*cases, (two, 2, nothing, weights())]]
 
 
+def outcome_counts() -> list[Case]:
+    partition, _, success = particles(500, generator())
+    return [(partition, success, PARTITIONS + 1), (partition[:0], success[:0], 2)]
+
+
 def condense() -> list[Case]:
     _, one = spaces()
     return [
@@ -234,6 +239,7 @@ CASES = {
         describe,
         populate,
         analyse,
+        outcome_counts,
         condense,
         farthest_first,
     )

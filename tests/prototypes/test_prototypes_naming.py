@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from spgf_torch.prototypes.naming import prototype_names, ring_shape
+from spgf_torch.prototypes.naming import mirror_twins, prototype_names, ring_shape
 
 CELLS = 36
 
@@ -24,41 +24,61 @@ def test_flat_and_round_surfaces() -> None:
 def test_wall_shows_its_other_side() -> None:
     wall = rings(bottom=(10, 175))
     assert ring_shape(wall).name == "wall" and ring_shape(wall).other_side == 1
-    wall[1, :27] = 90, 180  # a quarter of the ring is enough, and one cell less is not
+    wall[1, :18] = 90, 180  # half of the ring is enough, and one cell less is not
     assert ring_shape(wall).name == "wall"
-    wall[1, 27] = 90, 180
-    assert ring_shape(wall).name == "surface"
+    wall[1, 18] = 90, 180
+    assert ring_shape(wall).name == "mixed"
+
+
+def test_mixed_shows_the_other_side_in_some_cells() -> None:
+    """Two of 36 cells are more than a twentieth, one is not; at the foot of a wall they belong."""
+    mixed = rings()
+    mixed[1, :2] = 10, 175
+    assert ring_shape(mixed).name == "mixed"
+    mixed[0, np.r_[-5:6]] = -40, 80
+    assert ring_shape(mixed).name == "inner edge"
+    mixed = rings()
+    mixed[1, 0] = 10, 175
+    assert ring_shape(mixed).name == "surface"
 
 
 def test_rim_is_a_wall_that_ends() -> None:
     rim = rings(bottom=(10, 175))
-    rim[0, :6] = 90, 90
+    rim[0, :4] = 90, 90
     shape = ring_shape(rim)
-    assert shape.name == "rim" and shape.gap == pytest.approx(6 / 36) and shape.bottom == 1
+    assert shape.name == "rim" and shape.gap == pytest.approx(4 / 36)
+    rim[0, 3] = 0, 0  # 3 of 36 cells are less than a tenth
+    assert ring_shape(rim).name == "wall"
 
 
 def test_edge_bends_to_one_side() -> None:
-    """Eleven cells around the aligned direction fall away by a right angle: 11 / 36 of the ring bends."""
+    """Eleven cells around the aligned direction fall away by a right angle."""
     edge = rings()
     edge[0, np.r_[-5:6]] = 40, 80
     shape = ring_shape(edge)
-    assert (shape.name, shape.range_deg, shape.bend) == ("edge", 80, pytest.approx(11 / 36))
+    assert (shape.name, shape.range_deg, shape.least_deg, shape.alpha1_deg) == ("edge", 80, 0, pytest.approx(40))
     edge[0, np.r_[-5:6], 0] = -40
     assert ring_shape(edge).name == "inner edge"
 
 
-def test_corner_bends_in_more_than_220_degrees() -> None:
-    corner = rings()
-    corner[0, :22] = 40, 60
-    assert ring_shape(corner).name == "edge"  # 220 deg
-    corner[0, 22] = 40, 60
-    assert ring_shape(corner).name == "corner"  # 230 deg
+def test_cap_falls_away_all_around() -> None:
+    cap = rings(top=(20, 35))
+    cap[0, :10] = 40, 80
+    assert ring_shape(cap).name == "cap" and ring_shape(cap).least_deg == 35
+    cap[0, 20] = 20, 34
+    assert ring_shape(cap).name == "edge"
+    cap[0, 20] = 90, 90  # a gap is no direction
+    assert ring_shape(cap).name == "cap"
 
 
-def test_a_side_face_in_the_bottom_ring_bends_too() -> None:
-    corner = rings()
-    corner[1, :23] = 40, 95
-    assert ring_shape(corner).bend == pytest.approx(23 / 36) and ring_shape(corner).name == "corner"
+def test_twins_are_mirror_images() -> None:
+    """A bend to cells 1 to 4 and one to cells -1 to -4; what is like its own mirror image has no twin."""
+    left, right, even = rings(), rings(), rings()
+    left[0, 1:5], right[0, -4:] = (30, 60), (30, 60)
+    even[0, np.r_[-2:3]] = 30, 60
+    assert mirror_twins(np.stack([left, even, right])) == {0: 2, 2: 0}
+    right[1] = 10, 175  # another shape altogether: mirrored it stays as far away as half of what it was
+    assert mirror_twins(np.stack([left, even, right])) == {}
 
 
 def test_rings_may_start_anywhere() -> None:

@@ -19,9 +19,10 @@ from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.reporting.config import CompareConfig
 from spgf_torch.reporting.data.comparison import Entry, baseline_rows, committed, compare, find_rows
 from spgf_torch.reporting.data.costs import Costs, costs_of
-from spgf_torch.reporting.data.runs import Run, load_runs
+from spgf_torch.reporting.data.runs import load_runs
+from spgf_torch.reporting.data.seeds import Repeats
 from spgf_torch.reporting.data.sweep import Difference
-from spgf_torch.reporting.pages.comparison_text import costs, long_csv, verdict
+from spgf_torch.reporting.pages.comparison_text import costs, long_csv, markdown, seeds_told, verdict
 from spgf_torch.settings import typed
 
 ROWS = ("fpfh", "normal_only", "patch_pairs", "random_axis", "spgf")
@@ -69,7 +70,7 @@ def runs(made: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(made, tmp_path / "train"))
 
 
-def found(folder: Path, **changes: Any) -> tuple[dict[str, dict[int, Run]], list[str]]:
+def found(folder: Path, **changes: Any) -> tuple[dict[str, dict[int, Repeats]], list[str]]:
     lines: list[str] = []
     return find_rows(load_runs(str(folder), lines.append), config(**changes), lines.append), lines
 
@@ -98,14 +99,28 @@ def test_runs_find_their_rows(runs: Path) -> None:
 
 
 def test_other_runs_are_left_to_others(runs: Path) -> None:
-    """Another K, another radius and another seed: each group of settings has fewer rows than the comparison."""
+    """Another K and another radius: each group of settings has fewer rows than the comparison."""
     write_run(runs / "2026-01-02_00-00-00", K=5, model=False)
     write_run(runs / "2026-01-02_00-00-01", K=3, model=False, features=features(radius=0.02))
-    row(runs / "other", "spgf", seed=1).rename(runs / "2026-01-02_00-00-02")
-    (runs / "other").rmdir()
     rows, lines = found(runs)
-    assert all(run.stamp < "2026-01-02" for of_row in rows.values() for run in of_row.values())
-    assert lines[0] == "3 of 10 runs are no rows of this comparison, or older ones of the same settings"
+    assert all(repeats.stamp < "2026-01-02" for of_row in rows.values() for repeats in of_row.values())
+    assert lines[0] == "2 of 9 runs are no rows of this comparison, or older ones of the same settings"
+
+
+def test_seeds_are_one_entry_and_differences_are_of_those_shared(runs: Path) -> None:
+    """The reference has seeds 0 and 1, FPFH too, the others 0 alone."""
+    for name in ("spgf", "fpfh"):
+        row(runs / "other", name, skill=0.5, seed=1).rename(runs / f"2026-01-02_00-00-{name}")
+    (runs / "other").rmdir()
+    rows, _ = found(runs)
+    result = compare(rows, config(), "nested", print)
+    entries = {entry.name: entry for entry in result.table}
+    assert entries["fpfh"].runs.seeds["nested"] == (0, 1) and entries["random_axis"].runs.seeds["nested"] == (0,)
+    seeds = {name: entry.change.seeds for name, entry in entries.items() if entry.change}
+    assert seeds == {"fpfh": 2, "random_axis": 1, "patch_pairs": 1, "normal_only": 1}
+    mean = sum(run.by_ranking["nested"]["all"]["CG"] for run in entries["spgf"].runs.runs) / 2
+    assert entries["spgf"].rates["all"]["CG"] == pytest.approx(mean, abs=1e-5)
+    assert seeds_told(result).startswith("Means over 1 to 2 seeds") and "Means over 1 to 2 seeds" in markdown([result])
 
 
 def test_without_the_reference_the_command_is_named(runs: Path) -> None:
@@ -145,7 +160,7 @@ def test_refusals(runs: Path, changes: dict[str, Any], ranking: str, words: str)
 
 def test_a_run_whose_objects_cannot_be_read_is_told(runs: Path) -> None:
     rows, _ = found(runs)
-    (rows["fpfh"][25].folder / "per_object.csv").write_text("object\n")
+    (rows["fpfh"][25].runs[0].folder / "per_object.csv").write_text("object\n")
     lines: list[str] = []
     assert len(compare(rows, config(), "nested", lines.append).entries) == 6
     assert len(lines) == 1 and "per_object.csv" in lines[0]
@@ -156,7 +171,7 @@ def test_the_verdict_follows_from_the_intervals() -> None:
     intervals = {"up": (0.001, 0.041), "down": (-0.08, -0.01), "touching": (1e-17, 0.05), "wide": (-0.1, 0.1)}
 
     def entry(name: str, low: float, high: float) -> Entry:
-        change = Difference(50, {"all": {"CG": (low + high) / 2}}, {"all": {"CG": (low, high)}})
+        change = Difference(50, 1, {"all": {"CG": (low + high) / 2}}, {"all": {"CG": (low, high)}})
         return Entry(name, 1000, None, {}, {}, change, None)  # type: ignore[arg-type]
 
     told = verdict([entry(name, *bounds) for name, bounds in intervals.items()], "spgf", "all", "CG")
@@ -180,17 +195,17 @@ def test_costs_are_of_the_run_that_made_what_others_read(runs: Path) -> None:
     rows, _ = found(runs)
     cached = {"features": 3, "pairs": 3, "prototypes": 4}
     stages = {"sensing": 9.0, "features": 3.0, "particles": 4.0, "prototypes": 5.0, "voting": 6.0, "total": 30.0}
-    spend(rows["fpfh"][25].folder, stages, {})
+    spend(rows["fpfh"][25].runs[0].folder, stages, {})
     read = {"features": 0.01, "particles": 0.01, "prototypes": 0.01, "voting": 20.0}
-    spend(rows["fpfh"][1000].folder, read, cached, model_bytes=5, prediction_ms=70.5)
-    spend(rows["random_axis"][1000].folder, read, {"prototypes": 4})
-    spend(rows["spgf"][1000].folder, {"total": 600.0}, {}, training_s=500.0)
-    spent = costs_of([run for of_row in rows.values() for run in of_row.values()])
-    assert spent[rows["fpfh"][1000].stamp] == Costs(32.0, False, 70.5, 5)
-    told = spent[rows["random_axis"][1000].stamp]
+    spend(rows["fpfh"][1000].runs[0].folder, read, cached, model_bytes=5, prediction_ms=70.5)
+    spend(rows["random_axis"][1000].runs[0].folder, read, {"prototypes": 4})
+    spend(rows["spgf"][1000].runs[0].folder, {"total": 600.0}, {}, training_s=500.0)
+    spent = costs_of([each.runs[0] for of_row in rows.values() for each in of_row.values()])
+    assert spent[rows["fpfh"][1000].runs[0].stamp] == Costs(32.0, False, 70.5, 5)
+    told = spent[rows["random_axis"][1000].runs[0].stamp]
     assert told.at_least and told.training_s == pytest.approx(20.03) and told.model_bytes is None
-    assert spent[rows["spgf"][1000].stamp] == Costs(500.0, False, None, None)
-    assert costs(spent[rows["fpfh"][1000].stamp]) == ["32.0", "70", "0.0"] and costs(told)[0] == "> 20.0"
+    assert spent[rows["spgf"][1000].runs[0].stamp] == Costs(500.0, False, None, None)
+    assert costs(spent[rows["fpfh"][1000].runs[0].stamp]) == ["32.0", "70", "0.0"] and costs(told)[0] == "> 20.0"
 
 
 def test_the_learned_baseline_joins(runs: Path, tmp_path: Path) -> None:
@@ -206,10 +221,11 @@ def test_the_learned_baseline_joins(runs: Path, tmp_path: Path) -> None:
     assert list(learned) == ["learned"] and list(learned["learned"]) == [1000] and len(lines) == 1
     result = compare({**rows, **learned}, settings, "nested", lines.append)
     entry = next(entry for entry in result.table if entry.name == "learned")
-    assert entry.rates == entry.run.by_ranking["nested"] and entry.change is not None
+    assert entry.rates == entry.runs.by_ranking["nested"] and entry.change is not None
     assert "learned" not in {e.name for e in compare({**rows, **learned}, settings, "paper", lines.append).entries}
     assert "left out of the ranking paper: learned" in lines[-1]
-    reference = replace(rows["spgf"][1000], dataset="d3")
+    (run,) = rows["spgf"][1000].runs
+    reference = replace(rows["spgf"][1000], runs=(replace(run, dataset="d3"),))
     assert baseline_rows(settings, reference, lines.append) == {}
     assert baseline_rows(config(baseline=str(tmp_path / "no")), reference, lines.append) == {}
     assert "no row of the learned baseline" in lines[-1]
@@ -234,6 +250,6 @@ def test_the_command_writes_tables_and_a_figure(runs: Path, tmp_path: Path, caps
 
 def test_long_csv_says_the_costs(runs: Path) -> None:
     rows, _ = found(runs)
-    spend(rows["spgf"][1000].folder, {"voting": 1.0}, {}, model_bytes=125038272, prediction_ms=70.0)
+    spend(rows["spgf"][1000].runs[0].folder, {"voting": 1.0}, {}, model_bytes=125038272, prediction_ms=70.0)
     text = long_csv([compare(rows, config(), "paper", print)])
     assert any(line.split(",")[1] == "spgf" and "125038272" in line for line in text.splitlines())

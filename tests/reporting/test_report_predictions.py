@@ -12,7 +12,6 @@ from spgf_torch.evaluation.predictions import Predictions, read_predictions, wri
 from spgf_torch.evaluation.success import bootstrap_interval
 from spgf_torch.reporting.data.predictions import ceilings_at, class_curves, precision_at, predictions_of
 from spgf_torch.reporting.data.runs import read_run
-from spgf_torch.reporting.figures.learned import fork, ring_positions, rings, spread
 
 
 def predictions(score: list[float], success: list[int], grasp_type: list[int]) -> Predictions:
@@ -63,33 +62,6 @@ def test_poses_become_matrices() -> None:
     """90 deg about z (w first) takes x to y; the length of a quaternion does not matter."""
     at = replace(predictions([1.0], [1], [0]), pose=np.array([[0.1, 0.2, 0.3, 2.0, 0, 0, 2.0]])).T_object_tcp[0]
     assert at @ [1, 0, 0, 1] == pytest.approx([0.1, 1.2, 0.3, 1]) and at @ [0, 0, 1, 0] == pytest.approx([0, 0, 1, 0])
-
-
-def test_ring_cells_lie_where_alpha1_says() -> None:
-    """Eq. 2: elevation 0 lies in the plane, 90 deg right below the centre, -30 deg above the plane."""
-    at = ring_positions(np.radians([0, 90, -30]), np.radians([0, 0, 90]), 0.03)
-    assert at == pytest.approx(np.array([[0.03, 0, 0], [0, 0, -0.03], [0, 0.03 * np.sqrt(3) / 2, 0.015]]))
-
-
-def test_gaps_are_left_out_of_a_ring() -> None:
-    prototype = np.zeros((2, 36, 2))
-    prototype[0, :6] = 90, 90
-    top, bottom = rings(prototype, 0.03)
-    assert len(top.quads) == 30 and len(top.gap_lines) == 6 and len(bottom.quads) == 36
-    assert bottom.quads[:, :, 2].max() < top.quads[:, :, 2].min()  # drawn lower, so that both are seen
-
-
-def test_fork_ends_at_the_pads_and_approaches_along_z() -> None:
-    handle, palm, left, right = fork(0.08)
-    assert handle[0, 2] < handle[1, 2] == palm[0, 2] == left[0, 2] < left[1, 2] == 0
-    assert right[1, 0] - left[1, 0] == pytest.approx(0.04)  # half the opening
-
-
-def test_spread_takes_the_farthest_next() -> None:
-    position = np.array([[0, 0, 0], [0.01, 0, 0], [0.1, 0, 0], [0.05, 0, 0]])
-    still = np.tile([1.0, 0, 0, 0], (4, 1))
-    assert spread(position, still, 3).tolist() == [0, 2, 3]
-    assert len(spread(position, still, 9)) == 4 and len(spread(position[:0], still[:0], 3)) == 0
 
 
 def test_predictions_are_read_as_they_were_written(tmp_path: Path) -> None:

@@ -8,12 +8,16 @@ from report_runs import rewritten, without_ranking, write_run
 from spgf_torch.errors import InputError
 from spgf_torch.reporting.config import ReportConfig
 from spgf_torch.reporting.data.runs import load_runs, read_per_object, read_run
-from spgf_torch.reporting.data.sweep import find_sweep
+from spgf_torch.reporting.data.sweep import Sweep, find_sweep
 from spgf_torch.reporting.pages.context import choose
 
 CONFIG = ReportConfig(
     runs="", ranking="nested", rankings=["log_odds"], objects=1, worst=1, grasps=4, precision=5, bootstrap=100, seed=0
 )
+
+
+def swept(runs: list) -> Sweep:
+    return find_sweep(runs, 100, 0, print)
 
 
 @pytest.fixture
@@ -87,7 +91,7 @@ def test_other_data_are_left_out_with_one_line(folder: Path) -> None:
 def test_a_ranking_that_some_runs_lack_is_told(folder: Path) -> None:
     without_ranking(next(folder.glob("*K=3")), "nested")
     lines: list[str] = []
-    context = choose(CONFIG, find_sweep(load_runs(str(folder), lines.append)), lines.append)
+    context = choose(CONFIG, swept(load_runs(str(folder), lines.append)), lines.append)
     assert context.ranking == "nested" and context.shown.K == 5  # K = 3 has a model and no such ranking
     assert lines == ["no rates by the ranking nested: K = 3; left out of its rows"]
 
@@ -96,12 +100,12 @@ def test_a_ranking_that_no_run_has_is_replaced(folder: Path) -> None:
     for run in folder.glob("*K=*"):
         without_ranking(run, "nested")
     lines: list[str] = []
-    context = choose(CONFIG, find_sweep(load_runs(str(folder), lines.append)), lines.append)
+    context = choose(CONFIG, swept(load_runs(str(folder), lines.append)), lines.append)
     assert context.ranking == "log_odds" and "nested; log_odds is shown instead" in lines[0]
 
 
 def test_the_shown_run_is_the_best_with_a_model_or_the_one_asked_for(folder: Path) -> None:
-    sweep = find_sweep(loaded(str(folder))[0])
+    sweep = swept(loaded(str(folder))[0])
     assert choose(CONFIG, sweep, print).shown.K == 3
     CONFIG.show = 5
     assert choose(CONFIG, sweep, print).shown.K == 5

@@ -1,7 +1,7 @@
 """Descriptors and the learned baseline side by side: which runs belong together, their rates, differences and costs.
 
 A row is a file of `conf/comparison`; a run belongs to the row whose settings it has. Rows of one comparison differ in
-nothing else but in how many trials of each type an object teaches.
+nothing else but in how many trials of each type an object teaches, and in the seed: those of several seeds are one.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from spgf_torch.files.reading import yaml_values
 from spgf_torch.paths import find, root
 from spgf_torch.reporting.config import CompareConfig
 from spgf_torch.reporting.data.costs import Costs, costs_of
-from spgf_torch.reporting.data.runs import Block, Bounds, ObjectRow, Run, Tell, load_runs, read_per_object
-from spgf_torch.reporting.data.sweep import Difference, Settings, difference, flat_settings, flattened
+from spgf_torch.reporting.data.runs import Block, Bounds, Run, Tell, load_runs, read_per_object
+from spgf_torch.reporting.data.seeds import Repeats, per_object, repeated
+from spgf_torch.reporting.data.sweep import SEED, Difference, Settings, difference, flat_settings, flattened
 
 BASELINE = "learned"  # the row of the runs of `spgf_torch.baseline`
 TRIALS = "trials_per_object"
@@ -30,13 +31,14 @@ class Entry:
 
     Attributes:
         trials: of each type, of each training object.
-        rates, bounds: as fractions, with 95 % intervals over objects.
-        change: minus the reference with as many trials, over the same objects; None of the reference itself.
+        rates, bounds: as fractions, with 95 % intervals over objects, and over seeds where there are several.
+        change: minus the reference with as many trials, by the same objects and seeds; None of the reference itself.
+        costs: of the run of the smallest seed.
     """
 
     name: str
     trials: int
-    run: Run
+    runs: Repeats
     rates: Block
     bounds: Bounds
     change: Difference | None
@@ -77,22 +79,24 @@ def committed() -> dict[str, dict[str, str]]:
     return {path.stem: dict(flattened(yaml_values(path, "settings of a row"), "")) for path in files}
 
 
-def find_rows(runs: Sequence[Run], config: CompareConfig, tell: Tell) -> dict[str, dict[int, Run]]:
-    """Row -> trials -> run, of the largest set of runs (oldest first) that differ in nothing else; of equal ones the
-    newest.
+def find_rows(runs: Sequence[Run], config: CompareConfig, tell: Tell) -> dict[str, dict[int, Repeats]]:
+    """Row -> trials -> runs, of the largest set of runs (oldest first) that differ in nothing else but the seed.
+
+    Of equal sets it is the one of more runs, then the newest.
 
     Raises InputError where there is none of the reference.
     """
     configs = committed()
     if config.reference not in configs:
         raise InputError(f"reference: expected one of conf/comparison ({', '.join(configs)}), got {config.reference}")
-    varied = {key for values in configs.values() for key in values} | {TRIALS} | CLUSTERS
-    groups: dict[Settings, dict[str, dict[int, Run]]] = defaultdict(lambda: defaultdict(dict))
+    varied = {key for values in configs.values() for key in values} | {TRIALS, SEED} | CLUSTERS
+    groups: dict[Settings, dict[str, dict[int, dict[int, Run]]]]
+    groups = defaultdict(lambda: defaultdict(lambda: defaultdict(dict)))
     for run in runs:
         settings = dict(flat_settings(run))
         if (name := _row(run, settings, configs, config.K)) is not None:
             rest = tuple(entry for entry in settings.items() if entry[0] not in varied)
-            groups[rest][name][run.settings[TRIALS]] = run
+            groups[rest][name][run.settings[TRIALS]][run.seed] = run
     groups = {rest: rows for rest, rows in groups.items() if config.reference in rows}
     if not groups:
         raise InputError(
@@ -100,16 +104,22 @@ def find_rows(runs: Sequence[Run], config: CompareConfig, tell: Tell) -> dict[st
             f"(python -m spgf_torch.train -m '+comparison=glob(*)'), got none among {len(runs)}"
         )
     rows = max(groups.values(), key=_size)
-    if others := len(runs) - sum(map(len, rows.values())):
+    if others := len(runs) - sum(len(of_seed) for of_row in rows.values() for of_seed in of_row.values()):
         tell(f"{others} of {len(runs)} runs are no rows of this comparison, or older ones of the same settings")
     lacking = [f"{name} ({n})" for name in configs for n in sorted(rows[config.reference]) if n not in rows[name]]
     if lacking:
         tell(f"not run, or not with as many trials as {config.reference}: {', '.join(lacking)}")
-    return {name: rows[name] for name in configs if rows[name]}
+    draws = (config.bootstrap, config.seed, tell)
+    return {
+        name: {trials: repeated(list(of_seed.values()), *draws) for trials, of_seed in rows[name].items()}
+        for name in configs
+        if rows[name]
+    }
 
 
-def baseline_rows(config: CompareConfig, reference: Run, tell: Tell) -> dict[str, dict[int, Run]]:
+def baseline_rows(config: CompareConfig, reference: Repeats, tell: Tell) -> dict[str, dict[int, Repeats]]:
     """Runs of the learned baseline on the objects, trials, folds and N of the reference; none where there are none."""
+    first, seeds = reference.runs[0], {run.seed for run in reference.runs}
     if config.baseline is None or not find(str(config.baseline)).is_dir():
         tell(f"no row of the learned baseline: {config.baseline} is no folder (python -m spgf_torch.baseline)")
         return {}
@@ -118,14 +128,18 @@ def baseline_rows(config: CompareConfig, reference: Run, tell: Tell) -> dict[str
     except InputError as error:
         tell(f"no row of the learned baseline: {error}")
         return {}
-    same = [run for run in runs if (run.dataset, run.N, run.seed) == (reference.dataset, reference.N, reference.seed)]
+    same = [run for run in runs if (run.dataset, run.N) == (first.dataset, first.N) and run.seed in seeds]
     if len(same) < len(runs):
         tell(f"{len(runs) - len(same)} runs of the learned baseline are of other objects, trials, N or seed: left out")
-    found = {_count(run, reference): run for run in same}
-    return {BASELINE: found} if found else {}
+    found: dict[int, dict[int, Run]] = defaultdict(dict)
+    for run in same:
+        found[_count(run, first)][run.seed] = run
+    draws = (config.bootstrap, config.seed, tell)
+    rows = {trials: repeated(list(of_seed.values()), *draws) for trials, of_seed in found.items()}
+    return {BASELINE: rows} if rows else {}
 
 
-def compare(rows: Mapping[str, Mapping[int, Run]], config: CompareConfig, ranking: str, tell: Tell) -> Comparison:
+def compare(rows: Mapping[str, Mapping[int, Repeats]], config: CompareConfig, ranking: str, tell: Tell) -> Comparison:
     """Rates, differences and costs of every row by one ranking.
 
     Raises InputError where the reference has no run with the trials that the settings ask for, or no such ranking.
@@ -145,37 +159,34 @@ def compare(rows: Mapping[str, Mapping[int, Run]], config: CompareConfig, rankin
     return Comparison(ranking, config.reference, trials, tuple(entries), chance, bounds, references[trials].ceiling)
 
 
-def _entries(rows: Mapping[str, Mapping[int, Run]], config: CompareConfig, ranking: str, tell: Tell) -> list[Entry]:
+def _entries(rows: Mapping[str, Mapping[int, Repeats]], config: CompareConfig, ranking: str, tell: Tell) -> list[Entry]:
     """Every row with every number of trials; a run whose objects' rates cannot be read is told and left out."""
-    spent = costs_of([run for runs in rows.values() for run in runs.values()])
+    spent = costs_of([run for of_row in rows.values() for runs in of_row.values() for run in runs.runs])
     entries = []
-    for name, trials, run in ((name, n, run) for name, runs in rows.items() for n, run in runs.items()):
+    for name, trials, runs in ((name, n, runs) for name, of_row in rows.items() for n, runs in of_row.items()):
         change, reference = None, rows[config.reference].get(trials)
         try:
-            if ranking not in run.by_ranking:
-                raise InputError(f"expected rates by the ranking {ranking}, got {', '.join(run.by_ranking)}")
-            if reference is not None and reference is not run:
-                mine, theirs = _ranked(run, ranking), _ranked(reference, ranking)
+            if ranking not in runs.by_ranking:
+                raise InputError(f"expected rates by the ranking {ranking}, got {', '.join(runs.by_ranking)}")
+            if reference is not None and reference is not runs:
+                mine, theirs = per_object(runs, ranking), per_object(reference, ranking)
                 change = difference(mine, theirs, ranking, config.bootstrap, config.seed)
         except InputError as error:
-            tell(f"left out of the ranking {ranking}: {name}, {run.folder.name}: {error}")
+            tell(f"left out of the ranking {ranking}: {name}, {runs.runs[0].folder.name}: {error}")
             continue
-        rates, bounds = run.by_ranking[ranking], run.interval95[ranking]
-        entries.append(Entry(name, trials, run, rates, bounds, change, spent[run.stamp]))
+        rates, bounds = runs.by_ranking[ranking], runs.interval95[ranking]
+        entries.append(Entry(name, trials, runs, rates, bounds, change, spent[runs.runs[0].stamp]))
     return entries
 
 
-def _chance(run: Run, config: CompareConfig) -> tuple[Block, Bounds]:
-    """Rates of a candidate picked at random, with intervals over objects."""
-    objects = _ranked(replace(run, by_ranking={"random": run.random}), "random")
+def _chance(runs: Repeats, config: CompareConfig) -> tuple[Block, Bounds]:
+    """Rates of a candidate picked at random, with intervals over objects: the same whatever the seed."""
+    run = runs.runs[0]
+    objects = read_per_object(replace(run, by_ranking={"random": run.random}))
     classes, rates = [row.category for row in objects], [row.rates["random"] for row in objects]
     interval = bootstrap_interval(classes, rates, config.bootstrap, config.seed)
     bounds = {category: {name: (low, high) for name, (low, high) in row.items()} for category, row in interval.items()}
     return class_means(classes, rates), bounds
-
-
-def _ranked(run: Run, ranking: str) -> list[ObjectRow]:
-    return read_per_object(replace(run, by_ranking={ranking: run.by_ranking[ranking]}))
 
 
 def _row(run: Run, settings: Mapping[str, str], configs: Mapping[str, Mapping[str, str]], K: int) -> str | None:
@@ -190,9 +201,9 @@ def _row(run: Run, settings: Mapping[str, str], configs: Mapping[str, Mapping[st
     return max(fitting, key=lambda name: len(configs[name]), default=None)
 
 
-def _size(rows: Mapping[str, Mapping[int, Run]]) -> tuple[int, str]:
-    runs = [run for of_row in rows.values() for run in of_row.values()]
-    return len(runs), max(run.stamp for run in runs)
+def _size(rows: Mapping[str, Mapping[int, Mapping[int, Run]]]) -> tuple[int, int, str]:
+    runs = [run for of_row in rows.values() for of_seed in of_row.values() for run in of_seed.values()]
+    return sum(map(len, rows.values())), len(runs), max(run.stamp for run in runs)
 
 
 def _count(run: Run, reference: Run) -> int:

@@ -1,4 +1,4 @@
-"""What belongs together: the sweep over K that the table shows, and ablations to compare with it."""
+"""What belongs together: seeds of one experiment, the sweep over K that the table shows, ablations beside it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,18 @@ from typing import Any
 
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation import paper
-from spgf_torch.evaluation.success import Rates, paired_difference
-from spgf_torch.reporting.data.runs import Bounds, ObjectRow, Run
+from spgf_torch.evaluation.seeds import interval_over_seeds, mean_over_seeds
+from spgf_torch.evaluation.success import Rates
+from spgf_torch.reporting.data.runs import Bounds, Run, Tell
+from spgf_torch.reporting.data.seeds import OfSeeds, Repeats, of_objects, repeated
 
 # Settings that do not change what a run's rates mean: where data stand, how it is computed, what is shown.
 PROCESS = {"objects", "trials", "device", "workers", "ranking", "bootstrap", "final_model", "fold_models"}
 SWEPT = {"K", "prototypes.num_clusters"}
+SEED = "seed"
+REACH = "affordance.reach"  # m: how far from a grasp a feature may vote for it
+CLASSWISE = "classwise"
+OLDER = {CLASSWISE: "False"}  # what runs that do not say had
 NOMINAL_K = 20  # the paper's best combined result: what an ablation is compared with where its own K was not run
 
 Settings = tuple[tuple[str, str], ...]
@@ -22,14 +28,14 @@ Settings = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True)
 class Variant:
-    """A run beside the sweep: what it varies, and the run of the sweep that it is compared with.
+    """An experiment beside the sweep: what it varies, and the row of the sweep that it is compared with.
 
     Attributes:
         varies: setting -> (its value here, the sweep's), both as text; "-" where a run has no such setting.
     """
 
-    run: Run
-    reference: Run
+    runs: Repeats
+    reference: Repeats
     varies: dict[str, tuple[str, str]]
 
     @property
@@ -41,69 +47,97 @@ class Variant:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Runs that differ in K alone, by K; and the others of the same data."""
+    """Experiments that differ in K alone, by K; and the others of the same data."""
 
-    runs: tuple[Run, ...]
+    rows: tuple[Repeats, ...]
     variants: tuple[Variant, ...]
 
-    def of(self, K: int) -> Run | None:
-        return next((run for run in self.runs if run.K == K), None)
+    def of(self, K: int) -> Repeats | None:
+        return next((row for row in self.rows if row.K == K), None)
+
+    def by_reach(self) -> dict[float, tuple[Repeats, ...]]:
+        """How far features vote (m) -> the experiments that differ from the sweep in that and in K alone, by K."""
+        beside = [variant.runs for variant in self.variants if REACH in variant.varies.keys() <= {REACH, "K"}]
+        found: dict[float, dict[int, Repeats]] = defaultdict(dict)
+        for runs in (*self.rows, *beside):
+            text = dict(flat_settings(runs.runs[0])).get(REACH)
+            if text is not None:
+                found[float(text)][runs.K] = runs
+        return {reach: tuple(runs for _, runs in sorted(of.items())) for reach, of in sorted(found.items())}
+
+    def classwise(self) -> tuple[Repeats, ...]:
+        """The experiments that differ from the sweep in that each class was learned by itself, and in K, by K."""
+        alone = [variant.runs for variant in self.variants if CLASSWISE in variant.varies.keys() <= {CLASSWISE, "K"}]
+        return tuple(sorted(alone, key=lambda runs: runs.K))
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Rates of a variant minus its reference's over the same objects, class -> type, with 95 % intervals."""
+    """Rates of a variant minus its reference's over the same seeds and objects, class -> type, with 95 % intervals."""
 
     objects: int
+    seeds: int
     mean: dict[str, Rates]
     interval95: Bounds
 
 
-def find_sweep(runs: Sequence[Run]) -> Sweep:
-    """The largest group of runs that differ in K alone, and how the others differ from it.
+def find_sweep(runs: Sequence[Run], resamples: int, seed: int, tell: Tell) -> Sweep:
+    """The largest group of runs that differ in K and seed alone, and how the others differ from it.
 
-    K = 1 makes no group larger. Of equal ones it is the group that the others differ least from, then the newest.
+    K = 1 makes no group larger. Of equal ones it is the group that the others differ least from, then the one of more
+    runs, then the newest.
 
     Args:
         runs: oldest first; of runs with equal settings the last counts.
+        resamples, seed, tell: see `repeated`.
     """
     latest = {flat_settings(run): run for run in runs}
-    groups: dict[Settings, dict[int, Run]] = defaultdict(dict)
+    groups: dict[Settings, dict[int, list[Run]]] = defaultdict(lambda: defaultdict(list))
     for settings, run in latest.items():
-        groups[tuple(entry for entry in settings if entry[0] not in SWEPT)][run.K] = run
-    main = max(groups, key=lambda key: (len(groups[key].keys() - {1}), -_apart(key, groups), _newest(groups[key])))
-    swept = tuple(run for _, run in sorted(groups[main].items()))
-    others = [run for key, group in groups.items() if key != main for run in group.values()]
+        groups[tuple(entry for entry in settings if entry[0] not in SWEPT | {SEED})][run.K].append(run)
+    main = max(groups, key=lambda key: (len(groups[key].keys() - {1}), -_apart(key, groups), *_size(groups[key])))
+    joined = {
+        key: [repeated(members, resamples, seed, tell) for _, members in sorted(group.items())]
+        for key, group in groups.items()
+    }
+    swept = tuple(joined.pop(main))
+    others = [row for group in joined.values() for row in group]
     # A K that the paper does not have (K = 1) is an ablation, too.
-    others += [run for run in swept if run.K not in paper.SUCCESS_RATE and len(swept) > 1]
+    others += [row for row in swept if row.K not in paper.SUCCESS_RATE and len(swept) > 1]
     variants = [
-        Variant(run, reference, _differences(run, reference)) for run in others if (reference := _nearest(swept, run))
+        Variant(row, reference, _differences(row, reference)) for row in others if (reference := _nearest(swept, row))
     ]
     return Sweep(swept, tuple(sorted(variants, key=_order)))
 
 
-def difference(
-    variant: Sequence[ObjectRow], reference: Sequence[ObjectRow], ranking: str, resamples: int, seed: int
-) -> Difference:
-    """Paired difference of two runs by one ranking. Raises InputError where they share no object."""
-    ours = {row.name: row for row in variant}
-    shared = [(ours[row.name], row) for row in reference if row.name in ours]
-    if not shared:
+def difference(variant: OfSeeds, reference: OfSeeds, ranking: str, resamples: int, seed: int) -> Difference:
+    """Difference of two experiments by one ranking, paired by seed and object, with 95 % intervals over both.
+
+    Raises InputError where they share no seed or no object.
+    """
+    seeds = sorted(variant.keys() & reference.keys())
+    if not seeds:
+        raise InputError("expected a seed of the runs that it is compared with, got none of them")
+    paired = {("mine", s): variant[s] for s in seeds} | {("theirs", s): reference[s] for s in seeds}
+    classes, rates = of_objects(paired, ranking)
+    if not classes:
         raise InputError("expected objects of the run that it is compared with, got none of them")
-    classes = [mine.category for mine, _ in shared]
-    mine, theirs = ([pair[side].rates[ranking] for pair in shared] for side in (0, 1))
-    mean, interval = paired_difference(classes, mine, theirs, resamples, seed)
-    bounds = {category: {name: (low, high) for name, (low, high) in row.items()} for category, row in interval.items()}
-    return Difference(len(shared), mean, bounds)
+    changes = [
+        [{kind: a[kind] - b[kind] for kind in a} for a, b in zip(mine, theirs, strict=True)]
+        for mine, theirs in zip(rates[: len(seeds)], rates[len(seeds) :], strict=True)
+    ]
+    interval = interval_over_seeds(classes, changes, resamples, seed)
+    return Difference(len(classes), len(seeds), mean_over_seeds(classes, changes), interval)
 
 
 def flat_settings(run: Run) -> Settings:
-    """Every setting that matters as (dotted key, text), sorted; K is the run's own."""
-    entries = dict(flattened(run.settings, ""))
+    """Every setting that matters as (dotted key, text), sorted; K and the seed are the run's own."""
+    entries = OLDER | dict(flattened(run.settings, ""))
     kept = {
         key: value for key, value in entries.items() if key.split(".")[0] not in PROCESS and not key.startswith("cache")
     }
-    return tuple(sorted((kept | {"K": str(run.K), "prototypes.num_clusters": str(run.K)}).items()))
+    own = {"K": str(run.K), "prototypes.num_clusters": str(run.K), SEED: str(run.seed)}
+    return tuple(sorted((kept | own).items()))
 
 
 def flattened(value: Any, key: str) -> list[tuple[str, str]]:
@@ -120,26 +154,28 @@ def _apart(settings: Settings, others: Iterable[Settings]) -> int:
     return sum(len(set(other) - set(settings)) for other in others)
 
 
-def _newest(runs: Mapping[int, Run]) -> str:
-    return max(run.stamp for run in runs.values())
+def _size(group: Mapping[int, Sequence[Run]]) -> tuple[int, str]:
+    """How many runs, and when the newest was started."""
+    runs = [run for members in group.values() for run in members]
+    return len(runs), max(run.stamp for run in runs)
 
 
-def _nearest(swept: Sequence[Run], run: Run) -> Run | None:
-    """The run of the sweep with this K, else the one with K = 20 or the nearest to it; never the run itself."""
-    candidates = [other for other in swept if other is not run]
-    same = [other for other in candidates if other.K == run.K]
+def _nearest(swept: Sequence[Repeats], row: Repeats) -> Repeats | None:
+    """The row of the sweep with this K, else the one with K = 20 or the nearest to it; never the row itself."""
+    candidates = [other for other in swept if other is not row]
+    same = [other for other in candidates if other.K == row.K]
     return min(same or candidates, key=lambda other: (abs(other.K - NOMINAL_K), other.K), default=None)
 
 
-def _differences(run: Run, reference: Run) -> dict[str, tuple[str, str]]:
-    mine, usual = dict(flat_settings(run)), dict(flat_settings(reference))
-    keys = [key for key in sorted(mine.keys() | usual.keys()) if key != "prototypes.num_clusters"]
+def _differences(row: Repeats, reference: Repeats) -> dict[str, tuple[str, str]]:
+    mine, usual = dict(flat_settings(row.runs[0])), dict(flat_settings(reference.runs[0]))
+    keys = [key for key in sorted(mine.keys() | usual.keys()) if key not in ("prototypes.num_clusters", SEED)]
     return {key: (mine.get(key, "-"), usual.get(key, "-")) for key in keys if mine.get(key) != usual.get(key)}
 
 
 def _order(variant: Variant) -> tuple[tuple[str, ...], tuple[tuple[float, str], ...], int]:
     """By what varies, then by its value: numbers as numbers."""
-    return tuple(variant.varies), tuple(_number(value) for value, _ in variant.varies.values()), variant.run.K
+    return tuple(variant.varies), tuple(_number(value) for value, _ in variant.varies.values()), variant.runs.K
 
 
 def _number(value: str) -> tuple[float, str]:

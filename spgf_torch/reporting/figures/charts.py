@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -12,14 +14,18 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
-from spgf_torch.drawing.style import CEILING, CHANCE, LETTERS, PAPER, TYPE_COLOURS
+from spgf_torch.drawing.style import CEILING, CHANCE, LETTERS, PAPER, TYPE_COLOURS, scale
 from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.reliability import Reliability
 from spgf_torch.evaluation.success import TYPES
 from spgf_torch.hands.config import GRASP_TYPES
-from spgf_torch.reporting.data.runs import Run
-from spgf_torch.reporting.pages.table1 import NAMES
+from spgf_torch.reporting.data.seeds import Repeats
+from spgf_torch.reporting.pages.table1 import HEADINGS, NAMES
 
+SHOWN_CLASSES = ("all", "containers")  # of K and reach: where the paper's rates depend on K, and all together
+REACH_SCALE = [(0.0, "#E69F00"), (0.5, "#56B4E9"), (1.0, "#00416b")]  # near to far, also by lightness
+BESIDE: Any = {"linestyle": (0, (1, 1)), "marker": "s", "markersize": 3, "linewidth": 1.2}  # another ranking of ours
+PRINTED: Any = {"color": PAPER, "marker": "o", "markersize": 3.5, "markerfacecolor": "white", "linewidth": 1.2}
 FEW = 20  # grasps; a bin with fewer says little and is drawn hollow
 
 Curves = Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]  # class -> mean, low, high: each (types, N)
@@ -27,48 +33,102 @@ Curves = Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]  # class -> mea
 
 @dataclass(frozen=True)
 class Precision:
-    """Precision at N of one run: `shown` ranking with its bounds, the paper's ranking and the ceiling beside it."""
+    """Precision at N of one run: the `shown` ranking with its bounds, another and the ceiling beside it.
 
+    Attributes:
+        names: of the two rankings. beside: None where there is no other.
+    """
+
+    names: tuple[str, str]
     shown: Curves
-    paper: Mapping[str, np.ndarray] | None
+    beside: Mapping[str, np.ndarray] | None
     ceiling: Mapping[str, np.ndarray]
 
 
-def success_over_k(runs: Sequence[Run], ranking: str) -> Figure:
-    """Fig. 9: a panel a type and class; ours with 95 % band, the paper's lighter, chance dashed, ceiling dotted."""
-    runs = [run for run in runs if ranking in run.by_ranking]
-    K = [run.K for run in runs]
-    names = [name for name in NAMES if name in runs[-1].by_ranking[ranking]]
+def success_over_k(rows: Sequence[Repeats], ranking: str, beside: str | None = None) -> Figure:
+    """Fig. 9: a panel a type and class; ours with 95 % band, the paper's lighter, chance dashed, ceiling dotted.
+
+    Args:
+        beside: another ranking of ours, drawn as a thin line without its band.
+    """
+    rows = [row for row in rows if ranking in row.by_ranking]
+    other = [row for row in rows if beside in row.by_ranking]
+    K, last = [row.K for row in rows], rows[-1]
+    names = [name for name in NAMES if name in last.by_ranking[ranking]]
     printed = [k for k in paper.SUCCESS_RATE if min(K) <= k <= max(K)] if len(K) > 1 else sorted(paper.SUCCESS_RATE)
 
     def draw(axis: Axes, name: str, kind: str) -> None:
         colour = TYPE_COLOURS[kind]
-        rates = np.array([run.by_ranking[ranking][name][kind] for run in runs])
-        bounds = np.array([run.interval95[ranking][name][kind] for run in runs])
         theirs = [paper.SUCCESS_RATE[k][name][kind] for k in printed]
-        axis.plot(printed, theirs, color=PAPER, marker="o", markersize=3.5, markerfacecolor="white", linewidth=1.2)
-        if len(K) > 1:
-            axis.fill_between(K, *(100 * bounds.T), color=colour, alpha=0.18, linewidth=0)
-        else:
-            axis.errorbar(K, 100 * rates, 100 * np.abs(bounds.T - rates), color=colour, capsize=2.5, linewidth=1.2)
-        axis.plot(K, 100 * rates, color=colour, marker="o", markersize=4, linewidth=1.8)
+        axis.plot(printed, theirs, **PRINTED)
+        _banded(axis, rows, ranking, name, kind, colour)
+        if beside is not None:
+            rates = [100 * row.rate(beside, name, kind) for row in other]
+            axis.plot([row.K for row in other], rates, **BESIDE, color=colour)
         if kind != "CG":
-            axis.axhline(100 * runs[-1].random[name][kind], color=CHANCE, linestyle=(0, (4, 3)), linewidth=1)
-        axis.axhline(100 * runs[-1].ceiling[name][kind], color=CEILING, linestyle=":", linewidth=1.2)
+            axis.axhline(100 * last.random[name][kind], color=CHANCE, linestyle=(0, (4, 3)), linewidth=1)
+        axis.axhline(100 * last.ceiling[name][kind], color=CEILING, linestyle=":", linewidth=1.2)
         axis.set_xticks(sorted({*K, *printed}))
 
     legend = [
-        *_ours("this package, 95 % band"),
-        Line2D([], [], color=PAPER, marker="o", markersize=4, markerfacecolor="white", label="the paper"),
-        Line2D([], [], color=CHANCE, linestyle=(0, (4, 3)), label="random candidate"),
+        *_ours(f"{HEADINGS.get(ranking, ranking)}, 95 % band"),
+        *([Line2D([], [], **BESIDE, color="#202020", label=HEADINGS.get(beside, beside))] if beside and other else []),
+        Line2D([], [], **PRINTED, label="the paper"),
+        Line2D([], [], color=CHANCE, linestyle=(0, (4, 3)), label="random"),
         Line2D([], [], color=CEILING, linestyle=":", label="ceiling"),
     ]
     return _grid(draw, "number of prototypes K", legend, names)
 
 
+def success_over_reach(curves: Mapping[float, Sequence[Repeats]], rankings: Sequence[str]) -> Figure:
+    """CG over K, a line a reach (m) with its 95 % band: a row of all objects and one of containers, a column a ranking.
+
+    The paper's rates, of which it does not say the reach, are grey, beside the first ranking alone.
+    """
+    colours = dict(zip(curves, scale(REACH_SCALE)(np.linspace(0, 1, len(curves))), strict=True))
+    ks = sorted({row.K for rows in curves.values() for row in rows})
+    printed = [k for k in paper.SUCCESS_RATE if k <= max(ks)]
+    with mpl.rc_context(LETTERS):
+        figure = Figure(figsize=(1 + 3.3 * len(rankings), 5.6))
+        figure.subplots_adjust(0.09, 0.09, 0.985, 0.89, wspace=0.08, hspace=0.1)
+        axes = figure.subplots(len(SHOWN_CLASSES), len(rankings), sharex=True, sharey=True, squeeze=False)
+        for (i, name), (j, ranking) in product(enumerate(SHOWN_CLASSES), enumerate(rankings)):
+            axis, theirs = axes[i, j], [paper.SUCCESS_RATE[k][name]["CG"] for k in printed]
+            if j == 0:
+                axis.plot(printed, theirs, **PRINTED)
+            for reach, rows in curves.items():
+                _banded(axis, [row for row in rows if ranking in row.by_ranking], ranking, name, "CG", colours[reach])
+            axis.set(ylim=(0, 103), xticks=ks)
+            if i == 0:
+                axis.set_title(HEADINGS.get(ranking, ranking), fontweight="bold")
+        for i, name in enumerate(SHOWN_CLASSES):
+            axes[i, 0].set_ylabel(f"{name}: CG success-rate (%)")
+        figure.supxlabel("number of prototypes K", fontsize=9, y=0.015)
+        legend = [
+            Line2D([], [], color=colour, marker="o", markersize=4, label=f"votes within {1000 * reach:g} mm")
+            for reach, colour in colours.items()
+        ]
+        legend.append(Line2D([], [], **PRINTED, label="the paper"))
+        figure.legend(handles=legend, loc="upper center", ncols=len(legend))
+    return figure
+
+
+def _banded(axis: Axes, rows: Sequence[Repeats], ranking: str, name: str, kind: str, colour: Any) -> None:
+    """A line over K with its 95 % band; of a single K with bars."""
+    having = [row for row in rows if name in row.by_ranking[ranking]]
+    K, rates = [row.K for row in having], np.array([row.rate(ranking, name, kind) for row in having])
+    bounds = np.array([row.interval95[ranking][name][kind] for row in having])
+    if len(K) > 1:
+        axis.fill_between(K, *(100 * bounds.T), color=colour, alpha=0.15, linewidth=0)
+    else:
+        axis.errorbar(K, 100 * rates, 100 * np.abs(bounds.T - rates), color=colour, capsize=2.5, linewidth=1.2)
+    axis.plot(K, 100 * rates, color=colour, marker="o", markersize=4, linewidth=1.8)
+
+
 def precision_at_n(curves: Precision, n: int, random: Mapping[str, Mapping[str, float]]) -> Figure:
     """Share of successes among the N highest-ranked grasps over N; a thin line marks the N of the table."""
     most = next(iter(curves.shown.values()))[0].shape[-1]
+    shown, beside = (HEADINGS.get(name, name) for name in curves.names)
     N = np.arange(1, most + 1)
 
     def draw(axis: Axes, name: str, kind: str) -> None:
@@ -76,8 +136,8 @@ def precision_at_n(curves: Precision, n: int, random: Mapping[str, Mapping[str, 
         mean, low, high = (100 * values[j] for values in curves.shown[name])
         axis.axvline(n, color="#d0d0d0", linewidth=0.8)
         axis.plot(N, 100 * curves.ceiling[name][j], color=CEILING, linestyle=":", linewidth=1.2)
-        if curves.paper:
-            axis.plot(N, 100 * curves.paper[name][j], color=PAPER, linewidth=1.2)
+        if curves.beside:
+            axis.plot(N, 100 * curves.beside[name][j], color=colour, linestyle=(0, (1, 1)), linewidth=1.4)
         axis.fill_between(N, low, high, color=colour, alpha=0.18, linewidth=0)
         axis.plot(N, mean, color=colour, linewidth=1.8)
         if kind != "CG":
@@ -86,8 +146,8 @@ def precision_at_n(curves: Precision, n: int, random: Mapping[str, Mapping[str, 
         axis.set_xticks([n, most // 2, most] if most > 2 * n else [1, most])
 
     legend = [
-        *_ours("shown ranking, 95 % band"),
-        *([Line2D([], [], color=PAPER, label="the paper's way of ranking")] if curves.paper else []),
+        *_ours(f"{shown}, 95 % band"),
+        *([Line2D([], [], color="#202020", linestyle=(0, (1, 1)), label=beside)] if curves.beside else []),
         Line2D([], [], color=CHANCE, linestyle=(0, (4, 3)), label="random candidate"),
         Line2D([], [], color=CEILING, linestyle=":", label="ceiling"),
     ]

@@ -20,7 +20,7 @@ KIND = "CG"
 def learning_curves(comparison: Comparison) -> Figure:
     """CG over the trials of each type that a training object teaches: a panel for all objects and for each class.
 
-    The band is the reference's 95 % interval over objects.
+    The band is the 95 % interval of the reference.
     """
     names = ["all", *(name for name in NAMES if name != "all" and name in comparison.random)]
     known = {entry.name for entry in comparison.entries}  # in an order that does not change with the rates

@@ -17,13 +17,41 @@ from spgf_torch.prototypes.naming import gaps
 LAYERS = ("top", "bottom")
 INNER = 0.5  # of the radius: where the drawn band of a ring begins
 SUNK = 0.15  # of the radius: how much lower the bottom layer is drawn, so that the layers do not cover each other
+MOST_DEG = 89.99  # alpha1 of a cell that nothing reached is 90; that of a neighbour on the normal is none at all
 
-# The stick figure of a hand, m: a third of the SDH-2's size, so that many fit around one prototype.
-FINGER, HANDLE = 0.03, 0.02
-WIDTH_SCALE = 0.5
+FINGER, HANDLE = 0.03, 0.02  # m; a third of the SDH-2's, so that many hands fit around one prototype
+DEEPER = 1.7  # the same in pictures of one object
 
 POOL = 1500  # best supported points that stick figures are chosen from
 ANGLE_LENGTH = 0.04  # m; how far apart two grasps count that differ by 1 rad
+
+
+@dataclass(frozen=True)
+class Members:
+    """What the features have that belong to each of K prototypes: a mean over all hides which of them end.
+
+    Attributes:
+        share: (K,) of all features.
+        degrees: (K, 2, cells, 2) the mean of those that have something in the cell; the prototype's own where none.
+        seen: (K, 2, cells) their share.
+    """
+
+    share: np.ndarray
+    degrees: np.ndarray
+    seen: np.ndarray
+
+    @staticmethod
+    def of(rings_deg: np.ndarray, ids: np.ndarray, prototypes_deg: np.ndarray) -> Members:
+        """Of features with rings (F, 2, cells, 2) that belong to prototypes ids (F,)."""
+        degrees, seen = prototypes_deg.copy(), (~gaps(prototypes_deg)).astype(float)
+        for k in np.unique(ids):
+            mine = rings_deg[ids == k]
+            known = mine[..., 0] < MOST_DEG
+            count = known.sum(axis=0)
+            total = (mine * known[..., None]).sum(axis=0)
+            degrees[k] = np.where(count[..., None] > 0, total / count.clip(1)[..., None], prototypes_deg[k])
+            seen[k] = count / len(mine)
+        return Members(np.bincount(ids, minlength=len(prototypes_deg)) / len(ids), degrees, seen)
 
 
 @dataclass(frozen=True)
@@ -63,23 +91,33 @@ def ring_positions(alpha1: np.ndarray, azimuth: np.ndarray, radius: float) -> np
     return radius * np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), -np.sin(alpha1)], axis=-1)
 
 
-def rings(prototype_deg: np.ndarray, radius: float) -> tuple[Ring, Ring]:
-    """Top and bottom layer of one prototype (2, cells, 2) in degrees; cell k is centred on azimuth k * 360 / cells."""
-    top, bottom = (_ring(layer, radius, sunk) for layer, sunk in zip(prototype_deg, (0.0, SUNK * radius), strict=True))
-    return top, bottom
+def rings(degrees: np.ndarray, seen: np.ndarray, radius: float) -> tuple[Ring, Ring]:
+    """Top and bottom layer of one prototype (2, cells, 2) in degrees; cell k is centred on azimuth k * 360 / cells.
+
+    A cell is as wide, from the outside in, as the share of features that have something there, `seen` (2, cells); a
+    gap where it is less than half of them.
+    """
+    return _ring(degrees[0], seen[0], radius, 0.0), _ring(degrees[1], seen[1], radius, SUNK * radius)
 
 
 def fork(opening: float) -> np.ndarray:
     """(4, 2, 3) m segments of a hand in the TCP frame: approach axis, palm, two fingers that end at the pads."""
-    half = WIDTH_SCALE * opening / 2
+    half = opening / 2
     palm = [[-half, 0, -FINGER], [half, 0, -FINGER]]
     fingers = [[[x, 0, -FINGER], [x, 0, 0]] for x in (-half, half)]
     return np.array([[[0, 0, -FINGER - HANDLE], [0, 0, -FINGER]], palm, *fingers])
 
 
 def full_fork(opening: float) -> np.ndarray:
-    """The stick figure in the hand's own width and depth, for pictures of one object."""
-    return fork(opening / WIDTH_SCALE) * np.array([1.0, 1.0, 1.7])
+    """The stick figure in the hand's own depth, for pictures of one object."""
+    return fork(opening) * np.array([1.0, 1.0, DEEPER])
+
+
+def best_percent(model: GraspModel, prototype: int, kind: str) -> float:
+    """Mean probability of the most successful hundredth of a prototype's points of a type; 0 without any."""
+    start, stop = _slice(model, prototype, kind)
+    probability = model.condensed.probability[start:stop]
+    return float(probability.topk(-(-len(probability) // 100)).values.mean()) if len(probability) else 0.0
 
 
 def learned_grasps(model: GraspModel, prototype: int, kind: str, opening: float, count: int) -> Grasps:
@@ -88,8 +126,7 @@ def learned_grasps(model: GraspModel, prototype: int, kind: str, opening: float,
     Half of them are spread over the best-supported points of the highest probability, the other half over all of the
     best-supported points, so that what works and what does not are both seen.
     """
-    s = prototype * len(GRASP_TYPES) + GRASP_TYPES.index(kind)
-    start, stop = (int(model.condensed.partition_start[i]) for i in (s, s + 1))
+    start, stop = _slice(model, prototype, kind)
     supported = model.condensed.support[start:stop]
     pool = supported.topk(min(POOL, len(supported))).indices
     position, quaternion = (t.numpy() for t in model.grid.centres(model.condensed.cell[start:stop][pool].cpu()))
@@ -117,22 +154,30 @@ def spread(position: np.ndarray, quaternion: np.ndarray, count: int) -> np.ndarr
     return np.array(chosen)
 
 
-def _ring(layer_deg: np.ndarray, radius: float, sunk: float) -> Ring:
+def _slice(model: GraspModel, prototype: int, kind: str) -> tuple[int, int]:
+    """Where the condensed points of a prototype and type begin and end."""
+    s = prototype * len(GRASP_TYPES) + GRASP_TYPES.index(kind)
+    start, stop = (int(model.condensed.partition_start[i]) for i in (s, s + 1))
+    return start, stop
+
+
+def _ring(layer_deg: np.ndarray, seen: np.ndarray, radius: float, sunk: float) -> Ring:
     cells = len(layer_deg)
     azimuth = np.arange(cells) * 2 * np.pi / cells
     half = np.pi / cells
-    gap = gaps(layer_deg)
-    before, after = _borders(np.radians(layer_deg[:, 0]), gap)
-    corners = [
-        share * ring_positions(alpha1, azimuth + side, radius)
-        for share, alpha1, side in ((INNER, before, -half), (1, before, -half), (1, after, half), (INNER, after, half))
-    ]
+    gap, inner = seen < 0.5, 1 - (1 - INNER) * seen
+    borders = zip(_borders(np.radians(layer_deg[:, 0]), gap), _borders(inner, gap), (-half, half), strict=True)
+    (a, b), (d, c) = (
+        [np.reshape(share, (-1, 1)) * ring_positions(alpha1, azimuth + side, radius) for share in (begin, 1)]
+        for alpha1, begin, side in borders
+    )
+    corners = [a, b, c, d]
     down = np.array([0, 0, sunk])
     ends = ring_positions(np.zeros((2, gap.sum())), azimuth[gap] + half * np.array([[-0.6], [0.6]]), radius)
     return Ring((np.stack(corners, axis=1) - down)[~gap], layer_deg[~gap, 1], np.swapaxes(ends, 0, 1) - down)
 
 
-def _borders(alpha1: np.ndarray, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """alpha1 at both borders of each cell (C,): the mean with the neighbour, or its own where that is a gap."""
-    before, after = (np.where(np.roll(gap, k), alpha1, (alpha1 + np.roll(alpha1, k)) / 2) for k in (1, -1))
+def _borders(values: np.ndarray, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values (C,) at both borders of each cell: the mean with the neighbour, or its own where that is a gap."""
+    before, after = (np.where(np.roll(gap, k), values, (values + np.roll(values, k)) / 2) for k in (1, -1))
     return before, after

@@ -23,40 +23,41 @@ from spgf_torch.drawing.style import (
     angle_colours,
     success_colours,
 )
-from spgf_torch.prototypes.naming import FAMILIES, family_of
+from spgf_torch.prototypes.naming import family_of
 from spgf_torch.reporting.figures.learned import LAYERS, Grasps, Ring
-from spgf_torch.reporting.figures.scenes import Held, Texlets
+from spgf_torch.reporting.figures.scenes import Held, Inferred, Look
 
 DIGITS = 2  # of coordinates in mm
 
 
-def prototype_view(shapes: Sequence[tuple[Ring, Ring]], names: Sequence[str]) -> View:
+def prototype_view(looks: Sequence[Look]) -> View:
     """Fig. 10: both layers of a prototype."""
     traces = []
-    for pair in shapes:
-        bands = [_band(ring, layer) for ring, layer in zip(pair, LAYERS, strict=True)]
-        gaps = [_lines(ring.gap_lines, "gap", PAPER, 3) for ring in pair if len(ring.gap_lines)]
+    for look in looks:
+        bands = [_band(ring, layer) for ring, layer in zip(look.layers, LAYERS, strict=True)]
+        gaps = [_lines(ring.gap_lines, "gap", PAPER, 3) for ring in look.layers if len(ring.gap_lines)]
         traces.append([*bands, *gaps, *_axes(0.024), _scale(ANGLE_SCALE, 180, "angle to<br>normal (deg)")])
+    names = [look.name for look in looks]
     first = next((k for k, name in enumerate(names) if family_of(name) == "rim"), 0)
     return View("prototype", tuple(names), tuple(traces), 32, first)
 
 
-def grasp_view(shapes: Sequence[tuple[Ring, Ring]], learned: Sequence[Grasps], names: Sequence[str]) -> View:
+def grasp_view(looks: Sequence[Look], learned: Sequence[Grasps]) -> View:
     """Figs. 12 and 13: a prototype with hands at its learned grasps."""
     traces = []
-    for pair, found in zip(shapes, learned, strict=True):
+    for look, found in zip(looks, learned, strict=True):
         bar = _scale(SUCCESS_SCALE, 1, "learned<br>probability")
-        traces.append([_band(pair[0], "prototype", grey=True), *_axes(0.03), *_hands(found), bar])
+        traces.append([_band(look.layers[0], "prototype", grey=True), *_axes(0.03), *_hands(found), bar])
     first = max(range(len(learned)), key=lambda k: float(learned[k].probability.mean()) if learned[k].points else -1.0)
-    return View("prototype", tuple(names), tuple(traces), 85, first)
+    return View("prototype", tuple(look.name for look in looks), tuple(traces), 100, first)
 
 
-def object_view(shown: Sequence[Texlets], names: Sequence[str], colours: Sequence[str]) -> View:
+def object_view(shown: Sequence[Inferred], looks: Sequence[Look]) -> View:
     """Fig. 11: an object's texlets, a trace a prototype, so that a click on the legend hides one."""
     traces = []
-    for texlets in shown:
-        found = sorted(map(int, np.unique(texlets.ids)), key=lambda k: (FAMILIES.index(family_of(names[k])), k))
-        traces.append([_dots(texlets.positions[texlets.ids == k], names[k], colours[k]) for k in found])
+    for inferred in shown:
+        found = np.unique(inferred.ids).tolist()
+        traces.append([_dots(inferred.positions[inferred.ids == k], looks[k].name, looks[k].colour) for k in found])
     return View("object", tuple(t.name.replace("_", " ") for t in shown), tuple(traces))
 
 

@@ -1,4 +1,4 @@
-"""What matters: runs that vary a setting against the run of the sweep with the same K, over the same objects."""
+"""What matters: runs that vary a setting against those of the sweep with the same K, by the same seeds and objects."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 from spgf_torch.drawing.page import table
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.success import TYPES
-from spgf_torch.reporting.data.runs import ObjectRow, Run, Tell, read_per_object
+from spgf_torch.reporting.data.runs import Tell
+from spgf_torch.reporting.data.seeds import Repeats, per_object
 from spgf_torch.reporting.data.sweep import Difference, Variant, difference
 from spgf_torch.reporting.pages.table1 import NAMES
 
@@ -28,51 +29,44 @@ def ablations(
     variants: Sequence[Variant], rankings: Sequence[str], resamples: int, seed: int, tell: Tell
 ) -> list[Ablation]:
     """Every variant whose objects' rates can be read; the others are told in a line."""
-    rows: dict[str, list[ObjectRow]] = {}
-
-    def per_object(run: Run) -> list[ObjectRow]:
-        if run.stamp not in rows:
-            rows[run.stamp] = read_per_object(run)
-        return rows[run.stamp]
-
     found = []
     for variant in variants:
+        known = [r for r in rankings if r in variant.runs.by_ranking and r in variant.reference.by_ranking]
+        name = variant.runs.runs[0].folder.name
         try:
-            mine, usual = per_object(variant.run), per_object(variant.reference)
             differences = {
-                ranking: difference(mine, usual, ranking, resamples, seed)
-                for ranking in rankings
-                if ranking in variant.run.by_ranking and ranking in variant.reference.by_ranking
+                ranking: difference(
+                    per_object(variant.runs, ranking), per_object(variant.reference, ranking), ranking, resamples, seed
+                )
+                for ranking in known
             }
         except InputError as error:
-            tell(f"left out of the ablations: {variant.run.folder.name}: {error}")
+            tell(f"left out of the ablations: {name}: {error}")
             continue
-        if lacking := [ranking for ranking in rankings if ranking not in differences]:
-            tell(
-                f"{variant.run.folder.name}: no rates by the ranking {', '.join(lacking)}; left out of those ablations"
-            )
+        if lacking := [ranking for ranking in rankings if ranking not in known]:
+            tell(f"{name}: no rates by the ranking {', '.join(lacking)}; left out of those ablations")
         found.append(Ablation(variant, differences))
     return found
 
 
 def ranked_otherwise(
-    run: Run, ranking: str, others: Sequence[str], resamples: int, seed: int, tell: Tell
+    row: Repeats, ranking: str, others: Sequence[str], resamples: int, seed: int, tell: Tell
 ) -> list[Ablation]:
-    """The same run ranked in other ways, against `ranking`: with and without sensed collisions last, among others."""
-    try:
-        rows = read_per_object(run)
-    except InputError as error:
-        tell(f"left out of the ablations: {error}")
-        return []
+    """The same runs ranked in other ways, against `ranking`: with and without sensed collisions last, among others."""
     found = []
-    for other in others:
-        if other != ranking and other in run.by_ranking and ranking in run.by_ranking:
-            instead = [replace(row, rates={ranking: row.rates[other]}) for row in rows]
-            change = difference(instead, rows, ranking, resamples, seed)
-            variant = Variant(
-                replace(run, by_ranking={ranking: run.by_ranking[other]}), run, {"ranking": (other, ranking)}
-            )
-            found.append(Ablation(variant, {ranking: change}))
+    for other in (other for other in others if other != ranking and {other, ranking} <= row.by_ranking.keys()):
+        try:
+            rows, usual = per_object(row, other), per_object(row, ranking)
+            renamed = {
+                number: [replace(each, rates={ranking: each.rates[other]}) for each in of_seed]
+                for number, of_seed in rows.items()
+            }
+            change = difference(renamed, usual, ranking, resamples, seed)
+        except InputError as error:
+            tell(f"left out of the ablations: {error}")
+            return []
+        instead = replace(row, by_ranking={ranking: row.by_ranking[other]}, seeds={ranking: row.seeds[other]})
+        found.append(Ablation(Variant(instead, row, {"ranking": (other, ranking)}), {ranking: change}))
     return found
 
 
@@ -81,13 +75,14 @@ def ablation_rows(found: Sequence[Ablation], ranking: str, second: str | None) -
     names = [
         name for name in NAMES if any(name in a.differences[ranking].mean for a in found if ranking in a.differences)
     ]
-    head = ["what varies (usual)", "K", "CG, all", *(f"change, {name}" for name in reversed(names))]
+    head = ["what varies (usual)", "K", "seeds", "CG, all", *(f"change, {name}" for name in reversed(names))]
     head += [f"CG, all, {second}", f"change, {second}"] if second else []
     rows = []
     for ablation in found:
         cells = [_rate(ablation, ranking), *(_change(ablation, ranking, name) for name in reversed(names))]
         cells += [_rate(ablation, second), _change(ablation, second, "all")] if second else []
-        rows.append([ablation.variant.label, str(ablation.variant.run.K), *cells])
+        seeds = next((str(change.seeds) for change in ablation.differences.values()), "-")
+        rows.append([ablation.variant.label, str(ablation.variant.runs.K), seeds, *cells])
     return head, rows
 
 
@@ -99,7 +94,10 @@ def ablation_page(found: Sequence[Ablation], ranking: str, second: str | None) -
 def ablation_markdown(found: Sequence[Ablation], ranking: str, second: str | None) -> str:
     head, rows = ablation_rows(found, ranking, second)
     lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
-    about = f"Ablations: CG (%) by the ranking {ranking}, and paired differences (points, 95 % interval)."
+    about = (
+        f"Ablations: CG (%) by the ranking {ranking}, and differences paired by seed and object (points, 95 % "
+        "interval over both; of one seed over objects alone)."
+    )
     return "\n".join([about, "", *(f"| {' | '.join(line)} |" for line in lines)]) + "\n"
 
 
@@ -107,7 +105,7 @@ def ablation_csv(found: Sequence[Ablation]) -> str:
     """A line a variant, ranking, class and type; rates and differences are fractions."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    head = ["setting", "value", "usual", "K", "ranking", "class", "type", "objects"]
+    head = ["setting", "value", "usual", "K", "ranking", "class", "type", "objects", "seeds"]
     writer.writerow([*head, "rate", "reference", "difference", "low", "high"])
     for ablation in found:
         variant, varies = ablation.variant, ablation.variant.varies
@@ -119,17 +117,17 @@ def ablation_csv(found: Sequence[Ablation]) -> str:
         for ranking, change in ablation.differences.items():
             for name, kind in ((name, kind) for name in change.mean for kind in TYPES):
                 rates = [
-                    run.by_ranking[ranking].get(name, {}).get(kind, float("nan"))
-                    for run in (variant.run, variant.reference)
+                    runs.by_ranking[ranking].get(name, {}).get(kind, float("nan"))
+                    for runs in (variant.runs, variant.reference)
                 ]
                 values = (*rates, change.mean[name][kind], *change.interval95[name][kind])
-                row = [*about, variant.run.K, ranking, name, kind, change.objects]
+                row = [*about, variant.runs.K, ranking, name, kind, change.objects, change.seeds]
                 writer.writerow([*row, *(f"{value:.6g}" for value in values)])
     return text.getvalue()
 
 
 def _rate(ablation: Ablation, ranking: str) -> str:
-    block = ablation.variant.run.by_ranking.get(ranking)
+    block = ablation.variant.runs.by_ranking.get(ranking)
     return f"{100 * block['all']['CG']:.1f}" if block else "-"
 
 

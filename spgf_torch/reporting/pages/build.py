@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from spgf_torch.affordance.model import load_model
 from spgf_torch.drawing.page import Section, page
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.predictions import Predictions
@@ -23,13 +22,16 @@ from spgf_torch.reporting.data.runs import Notes, Run
 from spgf_torch.reporting.data.sweep import find_sweep
 from spgf_torch.reporting.pages.context import Context, Part, choose, tell_replaced
 from spgf_torch.reporting.pages.grasp_parts import precision_part, reliability_part, worst_part
-from spgf_torch.reporting.pages.model_parts import Prototypes, describe, grasps_part, objects_part, prototypes_part
+from spgf_torch.reporting.pages.method_parts import example, overview_part, setup_part, sheet_part, steps_part
+from spgf_torch.reporting.pages.model_parts import grasps_part, objects_part, prototypes_part
+from spgf_torch.reporting.pages.pictured import Pictured, pictured
 from spgf_torch.reporting.pages.rate_parts import ablation_part, choice_part, headline, over_k, table_part
+from spgf_torch.reporting.pages.reach_part import reach_part
 from spgf_torch.reporting.pages.table1 import Group, table1
 
 T = TypeVar("T")
 
-TITLE = "Learning successful grasps from local shape: what the runs show"
+TITLE = "Sliced Pineapple Grid Features (SPGF), the paper's experiment again"
 
 
 def build(
@@ -40,9 +42,9 @@ def build(
     What cannot be used is noted in a line each and leaves its figures out. Raises InputError where `show` is no K of
     the runs, or no run has rates.
     """
-    context = choose(config, sweep := find_sweep(runs), notes)
+    context = choose(config, sweep := find_sweep(runs, config.bootstrap, config.seed, notes), notes)
     tell_replaced(runs, sweep, notes)
-    groups = table1(context.sweep.runs, context.rankings, context.shown)
+    groups = table1(sweep.rows, sweep.classwise(), context.rankings, context.row)
     parts = [*_rates(context, groups, stages), *_grasps_and_model(context, stages)]
     if ablated := ablation_part(context):
         parts.append(ablated)
@@ -51,20 +53,22 @@ def build(
             write_bytes(folder / name, content)
     sections = [*(part.section for part in parts), _left_out(notes.lines)]
     lead = (
-        f"<p>Table 1 and Figures 9 to 13 of Thomsen, Kraft, Kr&uuml;ger (2016), made again from {len(runs)} runs.</p>"
+        "<p>Thomsen, Kraft, Kr&uuml;ger (2016), A Semi-local Surface Feature for Learning Successful Grasping "
+        f"Affordances: Table 1 and Figures 1 to 13, made again from {len(runs)} runs.</p>"
     )
     write_bytes(folder / "index.html", page(TITLE, lead, sections).encode())
     return groups
 
 
 def _rates(context: Context, groups: list[Group], stages: ProgressReporter) -> list[Part]:
-    with stages.stage("rates", 4, "parts") as advance:
+    with stages.stage("rates", 5, "parts") as advance:
         return _made(
             [
                 lambda: headline(context),
                 lambda: table_part(context, groups),
                 lambda: choice_part(context),
                 lambda: over_k(context),
+                lambda: reach_part(context),
             ],
             context,
             advance,
@@ -75,22 +79,37 @@ def _grasps_and_model(context: Context, stages: ProgressReporter) -> list[Part]:
     """The parts of the shown run; in place of those whose files cannot be used stands a sentence."""
     library = _usable(context, lambda: _library(context)) or {}
     objects = _usable(context, lambda: predictions_of(context.shown, context.ranking))
-    prototypes = _usable(context, lambda: _prototypes(context))
-    steps = [*_model_steps(context, prototypes, library), *_grasp_steps(context, objects, library)]
+    shown = _usable(context, lambda: pictured(context, library))
+    steps = [
+        *_method_steps(context, shown, library, objects or []),
+        *_model_steps(context, shown, library),
+        *_grasp_steps(context, objects, library),
+    ]
     with stages.stage("figures", len(steps), "figures") as advance:
         return _made(steps, context, advance)
 
 
-def _model_steps(
-    context: Context, prototypes: Prototypes | None, library: dict[str, GraspObject]
+def _method_steps(
+    context: Context, shown: Pictured | None, library: dict[str, GraspObject], objects: list[Predictions]
 ) -> list[Callable[[], Part]]:
-    if prototypes is None:
+    """Figs. 1 to 8; none without a model and objects."""
+    if shown is None or not library or (given := _usable(context, lambda: example(shown, library, objects))) is None:
+        return []
+    return [
+        lambda: overview_part(context, shown, given),
+        lambda: steps_part(shown, given, objects),
+        lambda: setup_part(shown, given, objects),
+        lambda: sheet_part(shown),
+    ]
+
+
+def _model_steps(context: Context, shown: Pictured | None, library: dict[str, GraspObject]) -> list[Callable[[], Part]]:
+    if shown is None:
         return [lambda: _missing("fig10", "Figs. 10 to 13", context, "no model that can be read")]
-    known, openings = prototypes, context.shown.settings["hand"]["openings"]
-    steps: list[Callable[[], Part]] = [lambda: prototypes_part(context, known)]
+    steps: list[Callable[[], Part]] = [lambda: prototypes_part(shown)]
     if library:
-        steps.append(lambda: objects_part(context, known, library))
-    return [*steps, *(lambda kind=kind: grasps_part(context, known, kind, openings[kind]) for kind in GRASP_TYPES)]  # type: ignore[misc]
+        steps.append(lambda: objects_part(context, shown, library))
+    return [*steps, *(lambda kind=kind: grasps_part(context, shown, kind) for kind in GRASP_TYPES)]  # type: ignore[misc]
 
 
 def _grasp_steps(
@@ -106,7 +125,7 @@ def _grasp_steps(
     ]
 
 
-def _made(steps: Sequence[Callable[[], Part]], context: Context, advance: Callable[[int], None]) -> list[Part]:
+def _made(steps: Sequence[Callable[[], Part | None]], context: Context, advance: Callable[[int], None]) -> list[Part]:
     parts = []
     for step in steps:
         if (part := _usable(context, step)) is not None:
@@ -117,11 +136,6 @@ def _made(steps: Sequence[Callable[[], Part]], context: Context, advance: Callab
 
 def _library(context: Context) -> dict[str, GraspObject]:
     return {obj.name: obj for obj in load_objects(find(context.shown.settings["objects"]))}
-
-
-def _prototypes(context: Context) -> Prototypes:
-    model = load_model(context.shown.folder)
-    return describe(model, float(model.settings["features"]["radius"]))
 
 
 def _usable(context: Context, read: Callable[[], T]) -> T | None:

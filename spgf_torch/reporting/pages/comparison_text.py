@@ -22,11 +22,10 @@ VERDICTS = (("all", "CG"), *((name, "CG") for name in NAMES if name != "all"), *
 ROUNDING = 1e-9
 
 CAUTION = (
-    "Intervals are 95 % bootstraps over objects, not corrected for their number; seeds of sensing and k-means are not "
-    "in them. Training: features, particles, prototypes and voting of all folds with their inner "
-    "cross-validation and of the model of all objects (sensing and sensed collisions, which all share, left out), or "
-    "the network's; > where a part was read from the cache. Prediction: an object, from its texlets to the scores of "
-    "its candidates."
+    "Intervals are 95 % bootstraps, not corrected for their number. Training: features, particles, prototypes and "
+    "voting of all folds with their inner cross-validation and of the model of all objects (sensing and sensed "
+    "collisions, which all share, left out), or the network's; > where a part was read from the cache. Prediction: an "
+    "object, from its texlets to the scores of its candidates."
 )
 PRINTED = (
     "Thomsen et al. (2015) printed for pairs of patches, on the paper's objects and learned class by class: containers "
@@ -67,8 +66,8 @@ def markdown(comparisons: Sequence[Comparison]) -> str:
     """All tables, of the shown ranking first."""
     shown = comparisons[0]
     parts = [
-        f"# Side by side, {shown.trials} trials of each type an object, K = {shown.entries[0].run.K}",
-        CAUTION,
+        f"# Side by side, {shown.trials} trials of each type an object, K = {shown.entries[0].runs.K}",
+        f"{seeds_told(shown)} {CAUTION}",
         PRINTED,
     ]
     for comparison in comparisons:
@@ -77,6 +76,15 @@ def markdown(comparisons: Sequence[Comparison]) -> str:
         parts += [f"## CG, all objects, over trials, ranking {comparison.ranking}", _curve_table(comparison)]
     parts += ["## Costs", _grid(["", *COSTS], [[entry.name, *costs(entry.costs)] for entry in shown.table])]
     return "\n\n".join(parts) + "\n"
+
+
+def seeds_told(comparison: Comparison) -> str:
+    """In a sentence, how many seeds the entries are of, and what the intervals are over."""
+    counts = sorted({len(entry.runs.seeds[comparison.ranking]) for entry in comparison.entries})
+    if counts == [1]:
+        return "One seed: folds, noise of sensing and draws are not in the intervals, which are over objects alone."
+    told = f"{counts[0]} to {counts[-1]}" if len(counts) > 1 else f"{counts[0]}"
+    return f"Means over {told} seeds, intervals over seeds and objects together, differences paired by both."
 
 
 COSTS = ("training, s", "prediction, ms", "model, MB")
@@ -97,17 +105,18 @@ def long_csv(comparisons: Sequence[Comparison]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     head = ["ranking", "row", "trials", "K", "class", "type", "rate", "low", "high", "difference", "difference_low"]
-    writer.writerow([*head, "difference_high", "training_s", "prediction_ms", "model_bytes", "run"])
+    writer.writerow([*head, "difference_high", "training_s", "prediction_ms", "model_bytes", "run", "seeds"])
     for comparison in comparisons:
         for name, kind in COLUMNS:
             if name in comparison.random:
                 rate, bounds = comparison.random[name][kind], comparison.random_bounds[name][kind]
                 cells = [f"{value:.6g}" for value in (rate, *bounds)]
-                writer.writerow([comparison.ranking, "random", "", "", name, kind, *cells, *[""] * 7])
+                writer.writerow([comparison.ranking, "random", "", "", name, kind, *cells, *[""] * 8])
         for entry in comparison.entries:
             for name, kind in COLUMNS:
                 if name in entry.rates:
-                    writer.writerow([comparison.ranking, *_line(entry, name, kind)])
+                    seeds = len(entry.runs.seeds[comparison.ranking])
+                    writer.writerow([comparison.ranking, *_line(entry, name, kind), seeds])
     return text.getvalue()
 
 
@@ -139,7 +148,7 @@ def terminal(comparisons: Sequence[Comparison]) -> list[Table | str]:
     for entry in comparison.table:
         spent.add_row(entry.name, *costs(entry.costs))
     others = [f"by {c.ranking}: {verdict(c.table, c.reference, 'all', 'CG')}" for c in comparisons[1:]]
-    return [rates, spent, *verdicts(comparison), *others]
+    return [rates, spent, seeds_told(comparison), *verdicts(comparison), *others]
 
 
 def _line(entry: Entry, name: str, kind: str) -> list[str]:
@@ -150,7 +159,8 @@ def _line(entry: Entry, name: str, kind: str) -> list[str]:
     rate = [f"{value:.6g}" for value in (entry.rates[name][kind], *entry.bounds[name][kind])]
     found = (entry.costs.training_s, entry.costs.prediction_ms, entry.costs.model_bytes)
     spent = ["" if value is None else f"{value:.9g}" for value in found]
-    return [entry.name, str(entry.trials), str(entry.run.K), name, kind, *rate, *change, *spent, entry.run.folder.name]
+    first = entry.runs.runs[0]
+    return [entry.name, str(entry.trials), str(first.K), name, kind, *rate, *change, *spent, first.folder.name]
 
 
 def _rates_table(comparison: Comparison) -> str:

@@ -10,6 +10,7 @@ from spgf_torch.drawing.page import Section
 from spgf_torch.errors import InputError
 from spgf_torch.reporting.config import ReportConfig
 from spgf_torch.reporting.data.runs import Run, Tell
+from spgf_torch.reporting.data.seeds import Repeats
 from spgf_torch.reporting.data.sweep import NOMINAL_K, Sweep
 
 
@@ -19,7 +20,7 @@ class Context:
 
     Attributes:
         ranking: the one that is shown; rankings: it and the others, in the table's order.
-        shown: the run whose grasps and model are shown.
+        shown: the run whose grasps and model are shown, one of `row`, the experiment whose rates stand for its K.
         tell: takes a line about what could not be used.
     """
 
@@ -27,8 +28,14 @@ class Context:
     sweep: Sweep
     ranking: str
     rankings: tuple[str, ...]
+    row: Repeats
     shown: Run
     tell: Tell
+
+    @property
+    def second(self) -> str | None:
+        """The ranking that stands beside the shown one, if there is another."""
+        return self.rankings[1] if len(self.rankings) > 1 else None
 
 
 @dataclass(frozen=True)
@@ -43,28 +50,23 @@ def choose(config: ReportConfig, sweep: Sweep, tell: Tell) -> Context:
     """Which ranking and which run are shown. Raises InputError where `show` is no K of the sweep."""
     rankings = _rankings(config, sweep, tell)
     for ranking in rankings:
-        if lacking := [run for run in sweep.runs if ranking not in run.by_ranking]:
-            told = ", ".join(f"K = {run.K}" for run in lacking)
+        if lacking := [row for row in sweep.rows if ranking not in row.by_ranking]:
+            told = ", ".join(f"K = {row.K}" for row in lacking)
             tell(f"no rates by the ranking {ranking}: {told}; left out of its rows")
-    return Context(config, sweep, rankings[0], rankings, _shown(config, sweep, rankings[0]), tell)
+    return Context(config, sweep, rankings[0], rankings, *_shown(config, sweep, rankings[0]), tell)
 
 
 def tell_replaced(runs: Sequence[Run], sweep: Sweep, tell: Tell) -> None:
     """A line about runs with the ranking `judge` for which newer ones of the same settings stand that lack it."""
-    used = {run.folder for run in (*sweep.runs, *(variant.run for variant in sweep.variants))}
+    every = [run for row in (*sweep.rows, *(variant.runs for variant in sweep.variants)) for run in row.runs]
+    used = {run.folder for run in every}
     for run in runs:
         if JUDGE in run.by_ranking and run.folder not in used:
-            newer = [other for other in (*sweep.runs, *(v.run for v in sweep.variants)) if other.K == run.K]
+            newer = [other for other in every if other.K == run.K]
             if not any(JUDGE in other.by_ranking for other in newer):
                 tell(
                     f"no ranking {JUDGE} of K = {run.K}: {run.folder.name} has it, a newer run of its settings has not"
                 )
-
-
-def best_run(runs: tuple[Run, ...], ranking: str) -> Run:
-    """The run with the highest CG over all objects; of equal ones that of the smallest K."""
-    ranked = [run for run in runs if ranking in run.by_ranking]
-    return max(ranked, key=lambda run: (run.by_ranking[ranking]["all"]["CG"], -run.K))
 
 
 def _rankings(config: ReportConfig, sweep: Sweep, tell: Tell) -> tuple[str, ...]:
@@ -72,7 +74,7 @@ def _rankings(config: ReportConfig, sweep: Sweep, tell: Tell) -> tuple[str, ...]
 
     `judge` joins where a run has it: only those that were asked for do.
     """
-    known = dict.fromkeys(name for run in sweep.runs for name in run.by_ranking)
+    known = dict.fromkeys(name for row in sweep.rows for name in row.by_ranking)
     wanted = dict.fromkeys([config.ranking, *config.rankings, *(name for name in known if name == JUDGE)])
     present = tuple(name for name in wanted if name in known) or tuple(known)
     if not present:
@@ -83,12 +85,14 @@ def _rankings(config: ReportConfig, sweep: Sweep, tell: Tell) -> tuple[str, ...]
     return present
 
 
-def _shown(config: ReportConfig, sweep: Sweep, ranking: str) -> Run:
-    if config.show is not None:
-        run = sweep.of(config.show)
-        if run is None:
-            raise InputError(f"show: expected one of K = {', '.join(str(r.K) for r in sweep.runs)}; got {config.show}")
-        return run
-    modelled = tuple(run for run in sweep.runs if run.has_model and ranking in run.by_ranking)
-    nominal = sweep.of(NOMINAL_K)
-    return nominal if nominal in modelled and nominal else best_run(modelled or sweep.runs, ranking)
+def _shown(config: ReportConfig, sweep: Sweep, ranking: str) -> tuple[Repeats, Run]:
+    """The K that was asked for, else of those with a model 20 or the one with the best CG; of its runs one with it."""
+    ranked = [row for row in sweep.rows if ranking in row.by_ranking]
+    shown = [row for row in ranked if any(run.has_model for run in row.runs)] or ranked
+    row = sweep.of(NOMINAL_K if config.show is None else config.show)
+    if config.show is not None and row is None:
+        raise InputError(f"show: expected one of K = {', '.join(str(r.K) for r in sweep.rows)}; got {config.show}")
+    if row is None or (config.show is None and row not in shown):
+        row = max(shown, key=lambda row: (row.rate(ranking), -row.K))
+    having = [run for run in row.runs if ranking in run.by_ranking] or list(row.runs)
+    return row, next((run for run in having if run.has_model), having[0])

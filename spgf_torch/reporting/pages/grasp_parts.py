@@ -24,7 +24,6 @@ from spgf_torch.reporting.figures.scenes import Held, worst
 from spgf_torch.reporting.figures.views import worst_view
 from spgf_torch.reporting.pages.context import Context, Part
 
-PAPER = "paper"
 SCORES = {
     "brier_before": "Brier, before",
     "brier": "Brier, after",
@@ -41,18 +40,20 @@ def precision_part(context: Context, objects: Sequence[Predictions]) -> Part:
     def at(ranking: str) -> np.ndarray:
         return precision_at(objects, ranking, config.precision)
 
-    shared = context.ranking != PAPER and all(PAPER in predictions.scores for predictions in objects)
+    second = context.second if all(context.second in predictions.scores for predictions in objects) else None
     curves = Precision(
+        (context.ranking, second or ""),
         class_curves(classes, at(context.ranking), config.bootstrap, config.seed),
-        mean_curves(classes, at(PAPER)) if shared else None,
+        mean_curves(classes, at(second)) if second else None,
         mean_curves(classes, ceilings_at(objects, config.precision)),
     )
     figure = precision_at_n(curves, run.N, run.random)
     words = caption(
-        f"Share of successes among the N highest-ranked grasps, K = {run.K}. Coloured: the ranking "
-        f"<code>{html.escape(context.ranking)}</code> with its 95 % interval over objects; grey: the same votes "
-        "ranked as the paper does; dotted: the ceiling, which falls where an object has fewer than N grasps that "
-        f"hold; dashed: random. The thin line marks N = {run.N}, the N of Table 1."
+        f"Share of successes among the N highest-ranked grasps, K = {run.K}, seed {run.seed} alone. Coloured: the "
+        f"ranking <code>{html.escape(context.ranking)}</code> with its 95 % interval over objects"
+        f"{f'; dotted: the same votes ranked by <code>{html.escape(second)}</code>' if second else ''}; grey dots: the "
+        "ceiling, which falls where an object has fewer than N grasps that hold; dashed: random. The thin line marks "
+        f"N = {run.N}, the N of Table 1."
     )
     body = words + chart(figure, "precision at N")
     return Part(Section("precision", "Precision at N", body), {"precision_at_n.png": png(drawn(figure))})

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import html
+from collections import Counter
+from collections.abc import Sequence
 
 from spgf_torch.affordance.config import JUDGE, NESTED
 from spgf_torch.drawing.page import Section, caption, chart, drawn, png, table
 from spgf_torch.evaluation import paper
+from spgf_torch.evaluation.results import KNOWS_MORE
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.config import CLASSES
-from spgf_torch.reporting.data.runs import Run
+from spgf_torch.reporting.data.runs import Block, Run
+from spgf_torch.reporting.data.seeds import Repeats, seed_words
 from spgf_torch.reporting.figures.charts import success_over_k
 from spgf_torch.reporting.pages.ablations import (
     ablation_csv,
@@ -18,11 +22,12 @@ from spgf_torch.reporting.pages.ablations import (
     ablations,
     ranked_otherwise,
 )
-from spgf_torch.reporting.pages.context import Context, Part, best_run
-from spgf_torch.reporting.pages.table1 import Group, latex, long_csv, markdown, page_table
+from spgf_torch.reporting.pages.context import Context, Part
+from spgf_torch.reporting.pages.table1 import Group, about_seeds, latex, long_csv, markdown, page_table, short_markdown
 
-SECOND = "log_odds"  # shown beside the shown ranking in the ablations
 FROM_K = 10  # the smallest K of the comparison of CG with single types: below, the paper's K = 5 is too coarse
+PAPERS = "paper"  # the ranking
+MANY = 8  # runs; more choices of rankings are folded away
 
 JUDGE_WORDS = (
     " The ranking <code>judge</code> is not the paper's and does not depend on K: boosted trees learned from the same "
@@ -32,21 +37,21 @@ JUDGE_WORDS = (
 
 
 def headline(context: Context) -> Part:
-    """The numbers a reader wants first."""
-    run, ranking = best_run(context.sweep.runs, context.ranking), context.ranking
-    low, high = run.interval95[ranking]["all"]["CG"]
-    theirs_K, theirs = max(
-        ((K, block["all"]["CG"]) for K, block in paper.SUCCESS_RATE.items()), key=lambda pair: pair[1]
+    """The numbers a reader wants first, and what they are of: the K that the paper has its best with, or the shown."""
+    row, ranking = context.row, context.ranking
+    second = context.second
+    cards = [_card(row, ranking)]
+    if row.K in paper.SUCCESS_RATE:
+        cards.append(
+            (f"{paper.SUCCESS_RATE[row.K]['all']['CG']:.1f} %", f"the paper, K = {row.K}, on other objects, RobWorkSim")
+        )
+    if second is not None and second in row.by_ranking:
+        cards.append(_card(row, second))
+    ours, theirs = (
+        " / ".join(f"{rates['all'][kind]:.1f}" for kind in GRASP_TYPES)
+        for rates in (_percent(row.random), paper.RANDOM)
     )
-    chance = " / ".join(f"{100 * run.random['all'][kind]:.1f}" for kind in GRASP_TYPES)
-    cards = [
-        (
-            f"{100 * run.by_ranking[ranking]['all']['CG']:.1f} %",
-            f"CG, all objects, K = {run.K} (95 %: {100 * low:.0f} to {100 * high:.0f})",
-        ),
-        (f"{theirs:.1f} %", f"the paper's best, K = {theirs_K}"),
-        (f"{chance} %", "a random candidate, NPG / WPG"),
-    ]
+    cards.append((f"{ours} %", f"a random candidate, NPG / WPG; the paper's: {theirs}"))
     if (worst := _worst_gap(context)) is not None:
         gap, name, K = worst
         cards.append(
@@ -56,36 +61,42 @@ def headline(context: Context) -> Part:
             )
         )
     boxes = "".join(f'<div class="card"><b>{value}</b><span>{words}</span></div>' for value, words in cards)
-    ks = ", ".join(str(r.K) for r in context.sweep.runs)
     text = (
-        f"<p>Success-rate: of the {run.N} highest-ranked grasps on an object that was not learned from, the share "
+        f"<p><b>{paper.OTHER_DATA}</b> {_told(context)}</p>"
+        f"<p>Success-rate: of the {row.N} highest-ranked grasps on an object that was not learned from, the share "
         "that the simulated hand held (Eq. 10). NPG and WPG are the narrow and the wide pinch grasp, CG is both in "
-        f"one ranking. Shown is the ranking <code>{html.escape(ranking)}</code>{_nested_words(ranking)} over runs "
-        f"with K = {ks} prototypes; pictures of what was learned are of K = {context.shown.K}.</p>"
+        f"one ranking. Pictures of what was learned are of K = {row.K}, seed {context.shown.seed}.</p>"
     )
-    folders = [[str(r.K), html.escape(r.folder.name), html.escape(r.stamp.split("_")[0])] for r in context.sweep.runs]
-    listed = f"<details><summary>The runs</summary>{table(['K', 'folder', 'date'], folders, 3)}</details>"
+    folders = [
+        [str(run.K), str(run.seed), html.escape(run.folder.name), html.escape(run.stamp.split("_")[0])]
+        for each in context.sweep.rows
+        for run in each.runs
+    ]
+    runs = table(["K", "seed", "folder", "date"], folders, 4)
+    listed = f"<details><summary>The runs</summary>{runs}</details>"
     return Part(Section("summary", "Summary", f'<div class="cards">{boxes}</div>{text}{listed}'))
 
 
 def table_part(context: Context, groups: list[Group]) -> Part:
     """Table 1, and the same as files."""
     n = context.shown.N
-    title = f"Success-rate (%) of the {n} highest-ranked grasps on novel objects, with 95 % intervals over objects."
+    about = f"{about_seeds(groups)} {paper.OTHER_DATA} {KNOWS_MORE}"
+    title = f"Success-rate (%) of the {n} highest-ranked grasps on novel objects. {about}"
     words = caption(
-        f"Rates in percent of the {n} highest-ranked grasps; the small numbers are 95 % intervals (bootstrap over "
-        "objects). Grey rows are the paper's, from its own objects and simulator: not the same data. <i>Random</i> "
-        "is the share of successes among all candidates, <i>no sensed collision</i> the same among candidates "
-        "whose open hand holds no sensed point, and the <i>ceiling</i> what a ranking that knew the outcomes would "
-        "reach. Marked is the K with the best CG of a ranking. Files: <code>table1.md</code>, "
+        f"Rates in percent of the {n} highest-ranked grasps, small numbers are intervals. {about} Grey rows are "
+        "the paper's. <i>Random</i> is the share of successes among all candidates, <i>collision-free</i> the same"
+        " among candidates whose open hand holds no sensed point, and the <i>ceiling</i> what a ranking that "
+        "knew the outcomes would reach. Shaded is the K that is the paper's best. Files: <code>table1.md</code>, "
         "<code>table1.csv</code>, <code>table1.tex</code>." + (JUDGE_WORDS if JUDGE in context.rankings else "")
     )
-    first, others, chance = groups[0], groups[1:-1], groups[-1]
-    body = words + f'<div class="wide">{page_table([first, chance])}</div>'
+    rankings = [group for group in groups if any(row.row.startswith("ours") for row in group.rows)]
+    first, others, rest = rankings[:2], rankings[2:], groups[len(rankings) :]
+    body = words + f'<div class="wide">{page_table([*first, *rest])}</div>'
     if others:
         body += f'<details><summary>Other rankings</summary><div class="wide">{page_table(others)}</div></details>'
     files = {
         "table1.md": markdown(groups, title),
+        "table1_short.md": short_markdown(groups),
         "table1.csv": long_csv(groups),
         "table1.tex": latex(groups, title),
     }
@@ -94,30 +105,43 @@ def table_part(context: Context, groups: list[Group]) -> Part:
 
 def choice_part(context: Context) -> Part:
     """Which ranking nested cross-validation chose in which fold."""
-    chosen = [run for run in context.sweep.runs if run.chosen]
+    chosen = [run for row in context.sweep.rows for run in row.runs if run.chosen]
     if not chosen:
         return Part(Section("choice", "Choice of ranking", "<p>No run says which ranking was chosen in its folds.</p>"))
     folds = sorted({fold for run in chosen for fold in run.chosen})
     rows = [
-        [f"K = {run.K}", *(f"<code>{html.escape(run.chosen.get(fold, '-'))}</code>" for fold in folds)]
+        [f"K = {run.K}, seed {run.seed}", *(f"<code>{html.escape(run.chosen.get(fold, '-'))}</code>" for fold in folds)]
         for run in chosen
     ]
     words = caption(
-        "In every fold of the cross-validation the ranking was chosen by a second cross-validation inside the "
-        "training objects, so that the objects it is judged on had no say. A row <i>nested</i> of Table 1 ranks "
-        "each object by the ranking chosen in its fold."
+        "In every fold of the cross-validation the ranking <i>nested</i> is chosen by a second cross-validation inside "
+        "the training objects: those it is judged on do not choose. The formulas to choose from were known by their "
+        "rates on these objects, though (docs/EXPERIMENTS.md)."
     )
     head = ["", *(f"fold {fold}" for fold in folds)]
-    return Part(Section("choice", "Choice of ranking", words + table(head, rows, len(head))))
+    listed = table(head, rows, len(head))
+    if len(rows) > MANY:
+        listed = f"<details><summary>{len(rows)} runs</summary>{listed}</details>"
+    return Part(Section("choice", "Choice of ranking", words + counted_choices(chosen) + listed))
+
+
+def counted_choices(runs: Sequence[Run]) -> str:
+    """How often each ranking was chosen, over all folds of all runs, as a sentence in HTML."""
+    counts = Counter(ranking for run in runs for ranking in run.chosen.values())
+    told = ", ".join(f"<code>{html.escape(name)}</code> {count} times" for name, count in counts.most_common())
+    return f"<p>Chosen in {counts.total()} folds: {told}.</p>"
 
 
 def over_k(context: Context) -> Part:
     """Fig. 9."""
-    figure = success_over_k(context.sweep.runs, context.ranking)
+    second = context.second
+    figure = success_over_k(context.sweep.rows, context.ranking, second)
+    beside = f" Dotted with squares: our ranking <code>{html.escape(second)}</code>. {KNOWS_MORE}" if second else ""
     words = caption(
         "Success-rate over the number of prototypes. A row a grasp type, a column a class of objects. "
-        f"Coloured: this package, ranking <code>{html.escape(context.ranking)}</code>, with its 95 % interval over "
-        "objects; grey: the paper. Dashed: random candidates; dotted: the best any ranking could do."
+        f"Coloured: this package, ranking <code>{html.escape(context.ranking)}</code>, with its 95 % interval."
+        f"{beside} Grey: the paper. {paper.OTHER_DATA} Dashed: random candidates; dotted: what a ranking that knew the "
+        "outcomes would reach."
     )
     body = words + chart(figure, "success-rate over K")
     return Part(Section("fig9", "Fig. 9: over K", body), {"fig09_success_over_K.png": png(drawn(figure))})
@@ -125,21 +149,20 @@ def over_k(context: Context) -> Part:
 
 def ablation_part(context: Context) -> Part | None:
     """Ablations, where there are some."""
-    second = SECOND if SECOND in context.rankings and context.ranking != SECOND else None
-    rankings = [context.ranking, *([second] if second else [])]
-    config = context.config
+    second, config = context.second, context.config
     draws = (config.bootstrap, config.seed, context.tell)
-    found = ranked_otherwise(context.shown, context.ranking, context.rankings, *draws)
-    found += ablations(context.sweep.variants, rankings, *draws)
+    found = ranked_otherwise(context.row, context.ranking, context.rankings, *draws)
+    found += ablations(context.sweep.variants, [context.ranking, *([second] if second else [])], *draws)
     if not found:
         return None
     words = caption(
-        "Each row is a run that differs from the sweep in what stands first (in brackets: the sweep's value), or the "
-        "shown run ranked in another way: <code>log_odds_free</code> is <code>log_odds</code> with the grasps at which "
-        "a sensed point lies inside the open hand put last. "
-        f"<i>Change</i> is its CG by the ranking <code>{html.escape(context.ranking)}</code> minus that of the run "
-        "with the same K, paired over the same objects, in percentage points with the 95 % interval over objects: "
-        "an interval without 0 is a difference that other objects would be expected to show, too. Files: "
+        "Each row is an experiment that differs from the sweep in what stands first (in brackets: the sweep's value), "
+        "or the shown one ranked in another way: <code>log_odds_free</code> is <code>log_odds</code> with the grasps "
+        "at which a sensed point lies inside the open hand put last. "
+        f"<i>Change</i> is its CG by the ranking <code>{html.escape(context.ranking)}</code> minus that of the sweep "
+        "with the same K, paired by object and by seed (as many as <i>seeds</i> says), in percentage points with the "
+        "95 % interval over both; of one seed over objects alone. An interval without 0 is a difference that other "
+        "objects, and where there are several also other seeds, would be expected to show, too. Files: "
         "<code>ablations.md</code>, <code>ablations.csv</code>."
     )
     files = {
@@ -149,22 +172,43 @@ def ablation_part(context: Context) -> Part | None:
     return Part(Section("ablations", "Ablations", words + ablation_page(found, context.ranking, second)), files)
 
 
+def _card(row: Repeats, ranking: str) -> tuple[str, str]:
+    """CG of all objects by a ranking, with its interval and what it is of."""
+    low, high = row.interval95[ranking]["all"]["CG"]
+    name = {PAPERS: "the paper's ranking", NESTED: "our ranking, which knows sensed collisions"}.get(ranking, ranking)
+    seeds = seed_words(len(row.seeds[ranking]))
+    words = (
+        f"here, {html.escape(name)}: CG, all objects, K = {row.K}, {seeds} (95 %: {100 * low:.0f} to {100 * high:.0f})"
+    )
+    return f"{100 * row.rate(ranking):.1f} %", words
+
+
+def _told(context: Context) -> str:
+    """How many seeds, and what our ranking knows more, in sentences of HTML."""
+    count = len(context.row.seeds[context.ranking])
+    seeds = (
+        f"Rates are means over {count} seeds (folds, noise, draws), intervals over seeds and objects together."
+        if count > 1
+        else "Rates are of one seed, intervals over objects alone."
+    )
+    return f"{seeds} {KNOWS_MORE}" if NESTED in context.rankings else seeds
+
+
+def _percent(block: Block) -> Block:
+    return {name: {kind: 100 * rate for kind, rate in row.items()} for name, row in block.items()}
+
+
 def _worst_gap(context: Context) -> tuple[float, str, int] | None:
     """The lowest CG minus better single type over classes and K >= 10, its class and K."""
     gaps = [
-        (_gap(run, context.ranking, name), name, run.K)
-        for run in context.sweep.runs
-        if run.K >= FROM_K and context.ranking in run.by_ranking
+        (
+            row.rate(context.ranking, name) - max(row.rate(context.ranking, name, kind) for kind in GRASP_TYPES),
+            name,
+            row.K,
+        )
+        for row in context.sweep.rows
+        if row.K >= FROM_K and context.ranking in row.by_ranking
         for name in CLASSES
-        if name in run.by_ranking[context.ranking]
+        if name in row.by_ranking[context.ranking]
     ]
     return min(gaps, default=None)
-
-
-def _gap(run: Run, ranking: str, name: str) -> float:
-    rates = run.by_ranking[ranking][name]
-    return rates["CG"] - max(rates[kind] for kind in GRASP_TYPES)
-
-
-def _nested_words(ranking: str) -> str:
-    return " (in each fold the ranking that did best on its training objects)" if ranking == NESTED else ""

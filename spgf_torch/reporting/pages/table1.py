@@ -10,14 +10,21 @@ from dataclasses import dataclass
 
 from rich import box
 from rich.table import Table
+from rich.text import Text
 
+from spgf_torch.affordance.config import NESTED
 from spgf_torch.evaluation import paper
+from spgf_torch.evaluation.results import KNOWS_MORE
 from spgf_torch.evaluation.success import TYPES
 from spgf_torch.objects.config import CLASSES
-from spgf_torch.reporting.data.runs import Block, Bounds, Run
+from spgf_torch.reporting.data.runs import Block, Bounds
+from spgf_torch.reporting.data.seeds import Repeats, seed_words
+from spgf_torch.reporting.data.sweep import NOMINAL_K
 
 NAMES = (*CLASSES, "all")
 COLUMNS = tuple((name, kind) for name in NAMES for kind in TYPES)
+SHORT = (*((name, "CG") for name in CLASSES), *(("all", kind) for kind in TYPES))
+HEADINGS = {"paper": "the paper's ranking", NESTED: "our ranking, nested"}
 
 
 @dataclass(frozen=True)
@@ -25,9 +32,11 @@ class Row:
     """A row of the table; rates and bounds are fractions.
 
     Attributes:
-        row: what the row is to a script: paper, ours:<ranking>, random_paper, random, random_collision_free, ceiling.
+        row: what the row is to a script: paper, ours:<ranking>, classwise_paper, classwise_ours:<ranking>,
+            random_paper, random, random_collision_free, ceiling.
         label: what it is to a reader.
         K: None where the row does not depend on it.
+        seeds: of how many the rates are means; None of printed ones.
     """
 
     row: str
@@ -35,6 +44,7 @@ class Row:
     K: int | None
     rates: Mapping[str, Mapping[str, float]]
     bounds: Bounds | None = None
+    seeds: int | None = None
 
     def rate(self, name: str, kind: str) -> float | None:
         return self.rates.get(name, {}).get(kind)
@@ -51,26 +61,50 @@ class Group:
     rows: tuple[Row, ...]
 
 
-def table1(runs: Sequence[Run], rankings: Sequence[str], baseline: Run) -> list[Group]:
-    """The table: for each ranking the paper's row and ours for each K, then chance and ceiling.
+def table1(
+    rows: Sequence[Repeats], classwise: Sequence[Repeats], rankings: Sequence[str], baseline: Repeats
+) -> list[Group]:
+    """The table: for each ranking ours for each K, then each class by itself, chance and ceiling.
+
+    The paper's rates stand beside ours by the first ranking.
 
     Args:
-        runs: the sweep, by K; a run without a ranking is left out of that ranking's rows.
+        rows: the sweep, by K; one without a ranking is left out of that ranking's rows.
+        classwise: the same with each class learned by itself; only the first two rankings are shown of them.
         rankings: the one that the report shows, then others; one that no run has makes no group.
-        baseline: the run whose chance and ceiling are shown.
+        baseline: the experiment whose chance and ceiling are shown.
     """
-    groups = []
+    groups: list[Group] = []
     for ranking in rankings:
-        rows = [row for run in runs if ranking in run.by_ranking for row in _pair(run, ranking)]
-        if rows:
-            groups.append(Group(f"ranking: {ranking}", tuple(rows)))
+        having = [each for each in rows if ranking in each.by_ranking]
+        ours = [(each.K, _ours(each, ranking, f"K = {each.K}, ours", "ours")) for each in having]
+        found = [row for K, mine in ours for row in (*([] if groups else _printed(K)), mine)]
+        if found:
+            groups.append(Group(HEADINGS.get(ranking, f"ranking: {ranking}"), tuple(found)))
+    alone = [
+        _ours(each, ranking, f"K = {each.K}, by {ranking}", "classwise_ours")
+        for ranking in rankings[:2]
+        for each in classwise
+        if ranking in each.by_ranking
+    ]
+    printed = Row("classwise_paper", "[*] Thomsen et al. (2015)", None, _fractions(paper.CLASSWISE))
     chance = (
-        Row("random_paper", "random, paper", None, _fractions(paper.RANDOM)),
+        Row("random_paper", "random, the paper", None, _fractions(paper.RANDOM)),
         Row("random", "random", None, _without_cg(baseline.random)),
-        Row("random_collision_free", "random, no sensed collision", None, baseline.random_collision_free),
+        Row("random_collision_free", "random, collision-free", None, baseline.random_collision_free),
         Row("ceiling", "ceiling: best by outcome", None, baseline.ceiling),
     )
-    return [*groups, Group("chance and ceiling", chance)]
+    return [*groups, Group("each class by itself", (printed, *alone)), Group("chance and ceiling", chance)]
+
+
+def about_seeds(groups: Sequence[Group]) -> str:
+    """In a sentence, how many seeds ours are of, and what the intervals are over."""
+    counts = sorted({row.seeds for group in groups for row in group.rows if row.seeds is not None})
+    if counts == [1]:
+        return "Ours: one seed; 95 % intervals over objects alone, without the chance of folds, noise and draws."
+    told = f"{counts[0]} to {counts[-1]}" if len(counts) > 1 else str(counts[0])
+    alone = "; of one seed over objects alone" if counts[0] == 1 else ""
+    return f"Ours: means over {told} seeds, 95 % intervals over seeds and objects together{alone}."
 
 
 def markdown(groups: Sequence[Group], caption: str) -> str:
@@ -84,17 +118,18 @@ def markdown(groups: Sequence[Group], caption: str) -> str:
 
 
 def long_csv(groups: Sequence[Group]) -> str:
-    """A line a rate: class,type,K,row,rate,low,high; rates are fractions, bounds where there are some."""
+    """A line a rate: class,type,K,row,rate,low,high,seeds; rates are fractions, bounds where there are some."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["class", "type", "K", "row", "rate", "low", "high"])
+    writer.writerow(["class", "type", "K", "row", "rate", "low", "high", "seeds"])
     for row in (row for group in groups for row in group.rows):
         for name, kind in COLUMNS:
             if (rate := row.rate(name, kind)) is not None:
                 low, high = (
                     (f"{bound:.6g}" for bound in row.bound(name, kind) or ()) if row.bound(name, kind) else ("", "")
                 )
-                writer.writerow([name, kind, "" if row.K is None else row.K, row.row, f"{rate:.6g}", low, high])
+                K, seeds = ("" if value is None else value for value in (row.K, row.seeds))
+                writer.writerow([name, kind, K, row.row, f"{rate:.6g}", low, high, seeds])
     return text.getvalue()
 
 
@@ -132,59 +167,74 @@ def escape(text: str) -> str:
 
 
 def page_table(groups: Sequence[Group]) -> str:
-    """The table for a page; of every ranking the rows of the K with its best CG stand out."""
+    """The table for a page; the rows of the K that is the paper's best stand out."""
     classes = "".join(f'<th colspan="{len(TYPES)}" class="first">{name}</th>' for name in NAMES)
     kinds = "".join(f"<th{_first(kind)}>{kind}</th>" for _, kind in COLUMNS)
     lines = [f'<table class="rates"><thead><tr><th></th>{classes}</tr><tr><th></th>{kinds}</tr></thead>']
     for group in groups:
-        best = _best_k(group)
         lines.append(
             f'<tbody><tr class="group"><th colspan="{1 + len(COLUMNS)}">{html.escape(group.heading)}</th></tr>'
         )
         for row in group.rows:
             cells = "".join(f"<td{_first(kind)}>{_page_cell(row, name, kind)}</td>" for name, kind in COLUMNS)
-            marks = f"{row.row.split(':')[0]} {'best' if row.K and best == row.K else ''}"
+            marks = f"{row.row.split(':')[0].split('_')[-1]} {'best' if row.K == NOMINAL_K else ''}"
             lines.append(f'<tr class="{marks}"><th>{html.escape(row.label)}</th>{cells}</tr>')
         lines.append("</tbody>")
     return "\n".join([*lines, "</table>"])
 
 
 def terminal(groups: Sequence[Group]) -> Table:
-    """The short form, 80 columns wide: CG of each class, and each type over all objects, of the first ranking."""
+    """The short form, 80 columns wide: CG of each class, and each type over all objects."""
     table = Table(
         title="Success-rate (%) on novel objects",
-        caption="(low-high): 95 % interval over objects",
+        caption=f"{about_seeds(groups)} {paper.OTHER_DATA} {KNOWS_MORE}",
         box=box.SIMPLE_HEAD,
         show_edge=False,
         padding=(0, 0, 0, 1),
         pad_edge=False,
     )
-    short = [*((name, "CG") for name in CLASSES), *(("all", kind) for kind in TYPES)]
-    table.add_column(groups[0].heading, no_wrap=True)
-    for name, kind in short:
+    table.add_column("", no_wrap=True)
+    for name, kind in SHORT:
         table.add_column(f"{name}\n{kind}", justify="right", no_wrap=True)
-    for group in (groups[0], *groups[1:][-1:]):
-        for row in group.rows:
-            rates = (_cell(row, *column) for column in short)
-            last = row is group.rows[-1]
-            cells = [
-                cell if column == short[-1] else cell.split()[0] for cell, column in zip(rates, short, strict=True)
-            ]
-            table.add_row(row.label, *cells, end_section=last)
+    for heading, rows in _short(groups):
+        table.add_row(Text(heading, "bold"))
+        for label, cells in rows:
+            table.add_row(label, *cells, end_section=label is rows[-1][0])
     return table
 
 
-def _best_k(group: Group) -> int | None:
-    """The K of ours with the highest CG over all objects; of equal ones the smallest."""
-    ours = [(row.rate("all", "CG") or 0.0, -row.K) for row in group.rows if row.K is not None and row.bounds]
-    return -max(ours)[1] if ours else None
+def short_markdown(groups: Sequence[Group]) -> str:
+    """The short form as a Markdown table."""
+    lines = [_line(["", *(f"{name} {kind}" for name, kind in SHORT)]), _line(["---", *["---:"] * len(SHORT)])]
+    for heading, rows in _short(groups):
+        lines.append(_line([f"**{heading}**", *[""] * len(SHORT)]))
+        lines += [_line([label, *cells]) for label, cells in rows]
+    return "\n".join(lines) + "\n"
 
 
-def _pair(run: Run, ranking: str) -> list[Row]:
-    theirs = paper.SUCCESS_RATE.get(run.K)
-    printed = [Row("paper", f"K = {run.K}, paper", run.K, _fractions(theirs))] if theirs else []
-    rates, bounds = run.by_ranking[ranking], run.interval95.get(ranking)
-    return [*printed, Row(f"ours:{ranking}", f"K = {run.K}, ours", run.K, rates, bounds)]
+def _short(groups: Sequence[Group]) -> list[tuple[str, list[tuple[str, list[str]]]]]:
+    """Heading -> label -> cells: of the first two rankings, and of the other groups what has rates in `SHORT`."""
+    rankings = [group for group in groups if any(row.row.startswith("ours") for row in group.rows)]
+    found = []
+    for group in (*rankings[:2], *groups[len(rankings) :]):
+        rows = [row for row in group.rows if any(row.rate(*column) is not None for column in SHORT)]
+        told = [
+            (row.label, [_cell(row, *c) if c == SHORT[-1] else _cell(row, *c).split()[0] for c in SHORT])
+            for row in rows
+        ]
+        found += [(group.heading, told)] if told else []
+    return found
+
+
+def _printed(K: int) -> list[Row]:
+    theirs = paper.SUCCESS_RATE.get(K)
+    return [Row("paper", f"K = {K}, the paper", K, _fractions(theirs))] if theirs else []
+
+
+def _ours(each: Repeats, ranking: str, label: str, row: str) -> Row:
+    count = len(each.seeds[ranking])
+    rates, bounds = each.by_ranking[ranking], each.interval95.get(ranking)
+    return Row(f"{row}:{ranking}", f"{label}, {seed_words(count)}", each.K, rates, bounds, count)
 
 
 def _fractions(percent: Mapping[str, Mapping[str, float]]) -> Block:

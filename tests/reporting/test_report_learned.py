@@ -1,0 +1,77 @@
+"""Shapes of what was learned: rings of prototypes, members, hands; by hand."""
+
+import numpy as np
+import pytest
+import torch
+
+from spgf_torch.affordance.calibration import TERMS, Calibration
+from spgf_torch.affordance.model import GraspModel
+from spgf_torch.affordance.neighbourhood import Condensed
+from spgf_torch.geometry.se3_grid import SE3Grid
+from spgf_torch.prototypes.naming import gaps
+from spgf_torch.reporting.figures.learned import Members, best_percent, fork, ring_positions, rings, spread
+
+
+def test_ring_cells_lie_where_alpha1_says() -> None:
+    """Eq. 2: elevation 0 lies in the plane, 90 deg right below the centre, -30 deg above the plane."""
+    at = ring_positions(np.radians([0, 90, -30]), np.radians([0, 0, 90]), 0.03)
+    assert at == pytest.approx(np.array([[0.03, 0, 0], [0, 0, -0.03], [0, 0.03 * np.sqrt(3) / 2, 0.015]]))
+
+
+def test_gaps_are_left_out_of_a_ring() -> None:
+    prototype = np.zeros((2, 36, 2))
+    prototype[0, :6] = 90, 90
+    top, bottom = rings(prototype, ~gaps(prototype) * 1.0, 0.03)
+    assert len(top.quads) == 30 and len(top.gap_lines) == 6 and len(bottom.quads) == 36
+    assert bottom.quads[:, :, 2].max() < top.quads[:, :, 2].min()  # drawn lower, so that both are seen
+
+
+def test_cells_are_as_wide_as_the_share_that_saw_something() -> None:
+    """From the outside in: all 0.5 to 1 of the radius, three quarters of the features 0.625 to 1, under half a gap."""
+    seen = np.ones((2, 36))
+    seen[0, 10:13], seen[0, 20:22] = 0.75, 0.49
+    top, _ = rings(np.zeros((2, 36, 2)), seen, 0.03)
+    inner = np.linalg.norm(top.quads[:, 0], axis=1)
+    assert inner[[0, 11]] == pytest.approx([0.015, 0.01875]) and len(top.gap_lines) == 2
+    assert np.linalg.norm(top.quads[:, 1], axis=1) == pytest.approx(np.full(34, 0.03))
+
+
+def test_members_are_averaged_without_their_gaps() -> None:
+    """Prototype 1 has two features; one of them has a gap on top in cell 2, both have one below all around."""
+    features = np.zeros((3, 2, 4, 2))
+    features[:, 1] = 90, 180
+    features[1, 0, 2], features[2, 0, 2] = (90, 90), (10, 40)
+    features[1, 0, 3], features[2, 0, 3] = (10, 20), (30, 60)
+    prototypes = np.stack([features[0], features[1:].mean(axis=0), features[0]])
+    members = Members.of(features, np.array([0, 1, 1]), prototypes)
+    assert members.share == pytest.approx([1 / 3, 2 / 3, 0])
+    assert members.seen[1, 0].tolist() == [1, 1, 0.5, 1] and not members.seen[1, 1].any()
+    assert members.degrees[1, 0, 2:].tolist() == [[10, 40], [20, 40]]  # the prototype's own: (50, 65) and (20, 40)
+    assert members.seen[2, 0].all() and members.degrees[2].tolist() == prototypes[2].tolist()  # of none: as it is
+
+
+def test_fork_ends_at_the_pads_and_approaches_along_z() -> None:
+    handle, palm, left, right = fork(0.08)
+    assert handle[0, 2] < handle[1, 2] == palm[0, 2] == left[0, 2] < left[1, 2] == 0
+    assert right[1, 0] - left[1, 0] == pytest.approx(0.08)
+
+
+def test_spread_takes_the_farthest_next() -> None:
+    position = np.array([[0, 0, 0], [0.01, 0, 0], [0.1, 0, 0], [0.05, 0, 0]])
+    still = np.tile([1.0, 0, 0, 0], (4, 1))
+    assert spread(position, still, 3).tolist() == [0, 2, 3]
+    assert len(spread(position, still, 9)) == 4 and len(spread(position[:0], still[:0], 3)) == 0
+
+
+def test_best_percent_is_of_one_prototype_and_type() -> None:
+    """Of 150 points the best hundredth is two: 0.9 and 0.7 of prototype 0's WPG; prototype 1 has no point of NPG."""
+    wide = torch.zeros(150)
+    wide[[3, 77]] = torch.tensor([0.7, 0.9])
+    probability = torch.cat([torch.full((10,), 0.2), wide, torch.full((5,), 1.0)])
+    start = torch.tensor([0, 10, 160, 160, 165])  # slices: prototype, then type
+    cell, support = torch.arange(165), torch.full((165,), 3.0)
+    condensed = Condensed(start, cell, probability, support, torch.tensor([0.1, 0.4]))
+    calibration = Calibration(torch.zeros(2, len(TERMS)))
+    model = GraspModel(torch.zeros(2, 144), condensed, SE3Grid(0.1, 0.012, 22.5), calibration)
+    found = [best_percent(model, k, kind) for k in (0, 1) for kind in ("NPG", "WPG")]
+    assert found == pytest.approx([0.2, 0.8, 0.0, 1.0])
