@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,8 @@ from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.experiment.learning import PrototypeFit, learn_model, side_by_side
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter
+from spgf_torch.prototypes.constellations import constellations
+from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.settings import plain
 
 
@@ -92,6 +94,7 @@ class Experiment:
         objects: all of them.
         examples: of every object, with all its grasps: what is predicted on.
         teach: of every object, with the grasps that teach.
+        given: fold -> prototypes (K, D) of another model; None: they are learned here.
     """
 
     config: TrainConfig
@@ -100,6 +103,7 @@ class Experiment:
     examples: Sequence[DescribedObject]
     teach: Sequence[DescribedObject]
     fit: PrototypeFit
+    given: Callable[[int | None], Tensor] | None = None
 
     @staticmethod
     def of(
@@ -108,22 +112,27 @@ class Experiment:
         objects: Sequence[GraspObject],
         examples: Sequence[DescribedObject],
         cache: Cache,
+        given: Callable[[int | None], Tensor] | None = None,
     ) -> Experiment:
         """The experiment that the settings describe."""
         teach = [e.of_grasps(which) for e, which in zip(examples, teaching(examples, config), strict=True)]
         prototypes = replace(config.prototypes, num_clusters=config.K)
-        return Experiment(config, design, objects, examples, teach, PrototypeFit(prototypes, config.seed, cache))
+        return Experiment(config, design, objects, examples, teach, PrototypeFit(prototypes, config.seed, cache), given)
 
     def run(self, stages: ProgressReporter) -> Learned:
         """Predictions on every object by a model that has not seen it, and the models that the settings ask for."""
         tests: list[int | None] = [*self.design.tests, *([None] if self.config.final_model else [])]
         with stages.stage("prototypes", len(tests), "sets") as advance:
-            centres = side_by_side(lambda test: self.fit(self.relations(test)), tests, advance)
+            centres = side_by_side(self.prototypes, tests, advance)
         scores: dict[int, GraspScores] = {}
         models: dict[int | None, GraspModel] = {}
 
         def work(learned: tuple[int | None, Tensor]) -> None:
             test, prototypes = learned
+            if test is not None and self.config.constellations.words:
+                words = self.in_words(prototypes)
+                scores.update(words.predict(test, words.fit(words.relations(test)))[0])
+                return
             if test is None:
                 models[None] = self.model(None, prototypes)
                 return
@@ -139,6 +148,25 @@ class Experiment:
             held_out = calibrate(each, [e.outcomes for e in self.examples])
             models[None] = replace(models[None], calibration=held_out)
         return Learned(each, models.pop(None, None), models)  # type: ignore[arg-type]
+
+    def in_words(self, prototypes: Tensor) -> Experiment:
+        """The same with constellations of these prototypes (K, D) as relations, of which words are to be fitted."""
+        asked, K = self.config.constellations, len(prototypes)
+        vectors = [
+            constellations(assign(each.relations, prototypes), K, each.around, asked)
+            for each in self.examples
+            if each.around is not None
+        ]
+        examples, teach = (
+            [replace(each, relations=x) for each, x in zip(objects, vectors, strict=True)]
+            for objects in (self.examples, self.teach)
+        )
+        fit = replace(self.fit, config=replace(self.fit.config, num_clusters=asked.words))
+        return replace(self, examples=examples, teach=teach, fit=fit)
+
+    def prototypes(self, test: int | None) -> Tensor:
+        """The prototypes (K, D) for the fold `test` (None: for all objects)."""
+        return self.fit(self.relations(test)) if self.given is None else self.given(test)
 
     def relations(self, test: int | None) -> Tensor:
         """(L, D) relations of all features that teach what is used on the fold `test` (None: of all folds)."""
