@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
-.PHONY: train paper test quick check docs bench fuzz trials judges wheel clean
+.PHONY: train paper test quick check docs bench fuzz trials judges wheel clean mutants
 train: $(READY)
 	$(BIN)/python -m spgf_torch.train +K=20
 
@@ -66,6 +66,13 @@ FUZZ_SECONDS ?= 300
 fuzz: $(READY)
 	$(BIN)/python -m pip install --quiet --editable '.[fuzz]'
 	$(BIN)/python tests/fuzz/readers.py $(FUZZ_SECONDS)
+
+# Places of the program, changed one at a time: do the nearest tests fail? Another SEED draws others (tests/mutants).
+MUTANTS ?= 60
+SEED ?= 0
+mutants: $(READY)
+	$(BIN)/python -m pip install --quiet --editable '.[mutants]'
+	$(BIN)/python tests/mutants/run.py --count $(MUTANTS) --seed $(SEED)
 
 # The documentation, in outputs/docs/index.html: no network is needed, warnings are errors.
 docs: $(READY)

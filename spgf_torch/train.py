@@ -26,6 +26,7 @@ from spgf_torch.progress import ProgressReporter, show
 
 if TYPE_CHECKING:
     from spgf_torch.cache import Cache
+    from spgf_torch.experiment.describe import Describer
     from spgf_torch.experiment.experiment import Design
     from spgf_torch.judging.course import Course
     from spgf_torch.objects.grasp_object import GraspObject
@@ -38,7 +39,10 @@ def run(config: TrainConfig, folder: Path) -> None:
     With `judge=learn` a judge of the hand, and the trials that were made to teach it, go beside the model.
     """
     _check_packages(config)
+    _check_constellations(config)
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
+    if config.prototypes_from is not None:
+        check_folder("prototypes_from", config.prototypes_from, "the folder of a model that train left")
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
     _check_judge(config)
 
@@ -85,6 +89,17 @@ def _check_packages(config: TrainConfig) -> None:
         needed("runner: dask", "distributed")
     if config.ranking == JUDGE:
         needed(f"ranking: {JUDGE}", "sklearn")
+
+
+def _check_constellations(config: TrainConfig) -> None:
+    """InputError where words are asked for that a model cannot keep, or lie in an empty ring."""
+    asked = config.constellations
+    if asked.words and (config.final_model or config.fold_models):
+        raise InputError(
+            "constellations.words: expected with final_model=false and fold_models=false, got a model to keep"
+        )
+    if asked.words and asked.inner >= asked.outer:
+        raise InputError(f"constellations.inner: expected less than outer, {asked.outer:g} m, got {asked.inner:g}")
 
 
 def _check_judge(config: TrainConfig) -> None:
@@ -159,19 +174,18 @@ def _votes(
     from spgf_torch.evaluation.predictions import Predictions, write_predictions
     from spgf_torch.evaluation.results import build_results
     from spgf_torch.experiment.costs import prediction_ms
-    from spgf_torch.experiment.describe import Describer
+    from spgf_torch.experiment.dictionary import load_dictionary
     from spgf_torch.experiment.experiment import Experiment
     from spgf_torch.experiment.held_out import save_fold_models
-    from spgf_torch.experiment.labelled_grasps import dataset_digest, open_hand
+    from spgf_torch.experiment.labelled_grasps import dataset_digest
     from spgf_torch.files.writing import write_text
 
-    volumes = open_hand(config.hand)
-    describer = Describer(
-        config.sensing, config.features, config.affordance, volumes, config.seed, config.device, cache
-    )
+    if (dictionary := load_dictionary(config, design, objects)) is not None:
+        show(dictionary.told)
+    describer = _describer(config, cache)
     described = describer.describe(objects, tables, stages)
     examples = [obj.with_success(table.success) for obj, table in zip(described, tables, strict=True)]
-    learned = Experiment.of(config, design, objects, examples, cache).run(stages)
+    learned = Experiment.of(config, design, objects, examples, cache, dictionary).run(stages)
     scores = learned.scores
     if config.ranking == JUDGE:
         from spgf_torch.judging.candidates import CandidateRanking  # brings scikit-learn
@@ -182,6 +196,8 @@ def _votes(
     rows = zip(objects, tables, scores, design.fold.tolist(), strict=True)
     predictions, model = [Predictions.of(*row) for row in rows], learned.model
     results = build_results(predictions, config, dataset_digest(objects, tables)) | {"from_cache": dict(cache.hits)}
+    if dictionary is not None:
+        results["prototypes_from"] = dict(dictionary.about)
     if model is not None:
         size = save_model(model, folder)
         results["costs"] = {"model_bytes": size, "prediction_ms": prediction_ms(model, describer, objects, tables)}
@@ -192,6 +208,15 @@ def _votes(
     write_per_object(folder / "per_object.csv", predictions, config.N)
     write_predictions(folder / "predictions.parquet", predictions)
     return results
+
+
+def _describer(config: TrainConfig, cache: Cache) -> Describer:
+    """What describes objects as the settings say."""
+    from spgf_torch.experiment.describe import Describer
+    from spgf_torch.experiment.labelled_grasps import open_hand
+
+    rooms, volumes = (config.sensing, config.features, config.affordance), open_hand(config.hand)
+    return Describer(*rooms, volumes, config.seed, config.device, cache, config.constellations)
 
 
 def _judge(

@@ -87,7 +87,7 @@ def score_grasps(
     count = torch.bincount(votes.grasp, minlength=len(grasp_type))
     total = _sum_per_grasp(votes.probability, votes, len(grasp_type))
     gain = _sum_per_grasp(log_odds_gain(votes, base_rate, grasp_type, config), votes, len(grasp_type))
-    mean = torch.where(count == 0, base_rate[grasp_type], total / count.clamp(min=1))
+    mean = torch.where(count == 0, base_rate[grasp_type], total / count)
     log_odds = shrunk_mean(gain, count, config)
     by_ranking = {
         "paper": shrunk_mean(total, count, config),
@@ -99,7 +99,7 @@ def score_grasps(
 
 def shrunk_mean(total: Tensor, votes: Tensor, config: AffordanceConfig) -> Tensor:
     """(G,) f32 mean of votes that add up to `total` (G,), drawn towards 0 by `vote_shrinkage` of them."""
-    return (total / (votes + config.vote_shrinkage).clamp(min=1)).masked_fill(votes == 0, UNSUPPORTED)
+    return (total / (votes + config.vote_shrinkage)).masked_fill(votes == 0, UNSUPPORTED)
 
 
 def log_odds_gain(votes: Votes, base_rate: Tensor, grasp_type: Tensor, config: AffordanceConfig) -> Tensor:

@@ -42,7 +42,7 @@ def model_card(results: Mapping[str, Any], config: TrainConfig, objects: int, tr
         objects, trials: how many it was learned from.
         size: bytes of `model.safetensors`.
     """
-    affordance, sensing = config.affordance, config.sensing
+    affordance, sensing, described = config.affordance, config.sensing, DESCRIPTORS[config.features.descriptor]
     return f"""\
 # Grasp model, {config.hand.name}, K = {config.K}
 
@@ -54,7 +54,7 @@ Written by `python -m spgf_torch.train` from the run beside it; every setting is
 {config.seed}.
 
 ## Settings
-{config.K} prototypes of {DESCRIPTORS[config.features.descriptor]} of {1000 * config.features.radius:g} mm radius;
+{_dictionary(results)}{config.K} prototypes of {described} of {1000 * config.features.radius:g} mm radius;
 shape-grasp particles within {1000 * affordance.reach:g} mm, neighbourhoods of {1000 * affordance.kernel:g} mm and
 {affordance.kernel_deg:g} deg, points with a support of at least {affordance.min_support:g}. The model file has
 {size / 1e6:.0f} MB.
@@ -84,6 +84,16 @@ with and without a sensed collision succeed, and nothing else:
 ## Limits
 {LIMITS}
 """
+
+
+def _dictionary(results: Mapping[str, Any]) -> str:
+    """A paragraph where the prototypes are another model's."""
+    about = results.get("prototypes_from")
+    if about is None:
+        return ""
+    seen = {None: "what objects it knows is not known", 0: "it has seen none of the novel objects"}
+    known = seen.get(about["seen"], f"it knows the shapes of {about['seen']} of the novel objects")
+    return f"Its prototypes are those of a model of {about['hand']} (`{about['sha256'][:16]}`);\n{known}.\n\n"
 
 
 def _rates(results: Mapping[str, Any], ranking: str) -> str:

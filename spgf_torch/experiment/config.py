@@ -11,7 +11,7 @@ from spgf_torch.affordance.config import JUDGE, NESTED, RANKINGS, AffordanceConf
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.objects.config import ObjectsConfig
 from spgf_torch.proposing.config import ProposingConfig
-from spgf_torch.prototypes.config import PrototypeConfig
+from spgf_torch.prototypes.config import ConstellationConfig, PrototypeConfig
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import bounded, choice, text
 from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig
@@ -33,6 +33,7 @@ class TrainConfig(ObjectsConfig):
     classwise: bool = field(default=False)  # so in older runs, which do not say
     fold_models: bool = MISSING
     bootstrap: int = bounded(100, 1_000_000)
+    prototypes_from: str | None = text(None)
     trials: str = text()
     # Older runs do not say: theirs have none.
     judge: str = field(default="none", metadata={"choice": ("none", "learn")})
@@ -46,6 +47,7 @@ class TrainConfig(ObjectsConfig):
     sensing: SensingConfig = field(default_factory=SensingConfig)
     features: FeatureConfig = field(default_factory=FeatureConfig)
     prototypes: PrototypeConfig = field(default_factory=PrototypeConfig)
+    constellations: ConstellationConfig = field(default_factory=ConstellationConfig)
     affordance: AffordanceConfig = field(default_factory=AffordanceConfig)
     sampler: SamplerConfig = field(default_factory=SamplerConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)

@@ -25,6 +25,8 @@ from spgf_torch.features.interface import VectorFeatures
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter
+from spgf_torch.prototypes.config import ConstellationConfig
+from spgf_torch.prototypes.constellations import surroundings
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.texlets import Texlets
@@ -73,6 +75,7 @@ class Describer:
     seed: int
     device: str = "cpu"
     cache: Cache = field(default_factory=lambda: Cache(None))
+    constellations: ConstellationConfig = field(default_factory=ConstellationConfig)
 
     def describe(
         self, objects: Sequence[GraspObject], grasps: Sequence[GraspPoses], stages: ProgressReporter
@@ -192,7 +195,10 @@ class CachedSteps:
 
     def described(self) -> DescribedObject:
         """The object as the learner sees it, without outcomes."""
-        return DescribedObject(self.features.relations(), self.pairs, self.collides)
+        asked, around = self.settings.constellations, None
+        if asked.words:
+            around = surroundings(self.features.T_object_feature, asked)
+        return DescribedObject(self.features.relations(), self.pairs, self.collides, around=around)
 
     def generator(self, stream: int) -> torch.Generator:
         """The object's own random stream: free of the order of objects."""

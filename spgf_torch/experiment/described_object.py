@@ -10,6 +10,7 @@ from torch import Tensor
 from spgf_torch.affordance.pairs import CellPairs
 from spgf_torch.affordance.particles import known_outcomes
 from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.prototypes.constellations import Surroundings
 
 
 @dataclass(frozen=True)
@@ -21,12 +22,14 @@ class DescribedObject:
         pairs: its features' pairs with the grasps.
         collides (G,) bool: a sensed point lies inside the open hand.
         success (G,) bool: how the grasps ended; None where nobody tried them.
+        around: the neighbours of its features, where their constellations are asked for.
     """
 
     relations: Tensor
     pairs: CellPairs
     collides: Tensor
     success: Tensor | None = None
+    around: Surroundings | None = None
 
     def __len__(self) -> int:
         """How many grasps."""
@@ -51,7 +54,8 @@ class DescribedObject:
         if len(chosen) == len(self):
             return self
         success = None if self.success is None else self.success[chosen]
-        return DescribedObject(self.relations, self.pairs.of_grasps(chosen), self.collides[chosen], success)
+        pairs = self.pairs.of_grasps(chosen)
+        return DescribedObject(self.relations, pairs, self.collides[chosen], success, self.around)
 
     def sample(self, count: int, generator: torch.Generator) -> Tensor:
         """At most `count` of its grasps, drawn at random: indices (C,) int64, ascending."""

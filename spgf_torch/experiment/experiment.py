@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,8 @@ from spgf_torch.experiment.learning import PrototypeFit, learn_model, side_by_si
 from spgf_torch.experiment.training_space import TrainingSpace
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter
+from spgf_torch.prototypes.constellations import constellations
+from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.settings import plain
 
 
@@ -108,6 +110,7 @@ class Experiment:
         examples: of every object, with all its grasps: what is predicted on.
         teach: of every object, with the grasps that teach.
         sampled: of every object, with those of them that calibrate and choose rankings: a random sample, to save time.
+        given: fold -> prototypes (K, D) of another model; None: they are learned here.
     """
 
     config: TrainConfig
@@ -117,6 +120,7 @@ class Experiment:
     teach: Sequence[DescribedObject]
     sampled: Sequence[DescribedObject]
     fit: PrototypeFit
+    given: Callable[[int | None], Tensor] | None = None
 
     @staticmethod
     def of(
@@ -125,21 +129,22 @@ class Experiment:
         objects: Sequence[GraspObject],
         examples: Sequence[DescribedObject],
         cache: Cache,
+        given: Callable[[int | None], Tensor] | None = None,
     ) -> Experiment:
         """The experiment that the settings describe."""
         teach = [e.of_grasps(which) for e, which in zip(examples, teaching(examples, config), strict=True)]
         generator = torch.Generator().manual_seed(config.seed)
         sampled = [e.of_grasps(e.sample(config.inner_grasps, generator)) for e in teach]
         fit = PrototypeFit(replace(config.prototypes, num_clusters=config.K), config.seed, cache)
-        return Experiment(config, design, objects, examples, teach, sampled, fit)
+        return Experiment(config, design, objects, examples, teach, sampled, fit, given)
 
     def run(self, stages: ProgressReporter) -> Learned:
         """Predictions on every object by a model that has not seen it, and the models that the settings ask for."""
         tests: list[int | None] = [*self.design.tests, *([None] if self.config.final_model else [])]
-        inner = self.design.inner_folds()
-        taught = [*inner, *(tuple(self.design.training(test)) for test in tests)]
+        inner = self.design.inner_folds() if self.shares else {}
+        taught = [*inner, *tests]
         with stages.stage("prototypes", len(taught), "sets") as advance:
-            centres = side_by_side(lambda objects: self.fit(self.relations(objects)), taught, advance)
+            centres = side_by_side(self.prototypes, taught, advance)
         held_out: dict[tuple[int, int], GraspScores] = {}
         scores: dict[int, GraspScores] = {}
         models: dict[int | None, GraspModel] = {}
@@ -149,10 +154,16 @@ class Experiment:
 
         def work(learned: tuple[int | None, Tensor]) -> None:
             test, prototypes = learned
+            if test is not None and self.config.constellations.words:
+                words = self.in_words(prototypes)
+                scores.update(words.predict_alone(test, words.prototypes(tuple(self.design.training(test))))[0])
+                return
             if test is None:
                 models[None] = self.model(None, prototypes)
                 return
-            on_novel, calibration = self.predict(test, prototypes, held_out)
+            on_novel, calibration = (
+                self.predict(test, prototypes, held_out) if self.shares else self.predict_alone(test, prototypes)
+            )
             scores.update(on_novel)
             if self.config.fold_models:
                 models[test] = replace(self.model(test, prototypes), calibration=calibration)
@@ -166,9 +177,44 @@ class Experiment:
             models[None] = replace(models[None], calibration=calibration)
         return Learned(each, models.pop(None, None), models)  # type: ignore[arg-type]
 
+    def in_words(self, prototypes: Tensor) -> Experiment:
+        """The same with constellations of these prototypes (K, D) as relations, of which words are to be fitted."""
+        asked, K = self.config.constellations, len(prototypes)
+        vectors = [
+            constellations(assign(each.relations, prototypes), K, each.around, asked)
+            for each in self.examples
+            if each.around is not None
+        ]
+        examples, teach, sampled = (
+            [replace(each, relations=x) for each, x in zip(objects, vectors, strict=True)]
+            for objects in (self.examples, self.teach, self.sampled)
+        )
+        fit = replace(self.fit, config=replace(self.fit.config, num_clusters=asked.words))
+        return replace(self, examples=examples, teach=teach, sampled=sampled, fit=fit, given=None)
+
+    @property
+    def shares(self) -> bool:
+        """Whether test folds share what inner folds learn: not where prototypes, or words of them, are a fold's."""
+        return self.given is None and not self.config.constellations.words
+
+    def prototypes(self, which: tuple[int, ...] | int | None) -> Tensor:
+        """The prototypes (K, D) of objects, or for the fold of this number (None: for all objects)."""
+        if isinstance(which, tuple):
+            return self.fit(self.relations(which))
+        return self.fit(self.relations(self.design.training(which))) if self.given is None else self.given(which)
+
     def relations(self, objects: Sequence[int]) -> Tensor:
         """(L, D) relations of all features of the objects."""
         return torch.cat([self.teach[i].relations for i in objects])
+
+    def predict_alone(self, test: int, centres: Tensor) -> tuple[dict[int, GraspScores], Calibration]:
+        """As `predict`, by inner folds that serve the fold `test` alone; given prototypes are theirs, too."""
+        held_out: dict[tuple[int, int], GraspScores] = {}
+        for group in self.design.groups(test):
+            taught = tuple(i for i in self.design.training(test) if i not in group)
+            inside = centres if self.given is not None else self.prototypes(taught)
+            held_out |= self.predict_inside(taught, inside, [(test, i) for i in group])
+        return self.predict(test, centres, held_out)
 
     def predict_inside(
         self, taught: Sequence[int], centres: Tensor, held_out: Sequence[tuple[int, int]]

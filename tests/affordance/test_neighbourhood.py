@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -9,7 +10,7 @@ import torch
 from spgf_torch.affordance import model as affordance
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.neighbourhood import Condensed, Counts, ShapeGraspSpace, analyse, condense
-from spgf_torch.affordance.pairs import CellPairs, cell_pairs, grid_of
+from spgf_torch.affordance.pairs import CellPairs, cell_pairs, grid_of, shape_grasp_particles
 from spgf_torch.affordance.particles import Particles
 from spgf_torch.affordance.voting import NO_POINT, VotingIndex, cast_votes, counted_votes
 from spgf_torch.errors import InputError
@@ -326,3 +327,121 @@ def test_a_model_cut_in_half_is_refused(model, tmp_path) -> None:
 def test_a_lattice_too_fine_for_memory_is_refused() -> None:
     with pytest.raises(InputError, match=r"affordance: expected reach, voxel and rotation_deg .* got [\d,]+$"):
         grid_of(settings(AffordanceConfig, voxel=0.002))
+
+
+def test_as_many_particles_as_are_asked_for_are_enough() -> None:
+    """Three particles in one cell, two of them successes: with a least support of 3 the point stands, with 3.1 not.
+
+    Counts are exact, so the bound itself can be met: condensed, and analysed where the votes fall.
+    """
+    kernel = gaussian_kernel(GRID, 0.0, 0.0)
+    cell = GRID.index(torch.zeros(3, 3), torch.tensor([[1.0, 0, 0, 0]] * 3)).int()
+    particles = Particles(torch.zeros(3, dtype=torch.int32), cell, torch.tensor([True, False, True]))
+    space, asked = ShapeGraspSpace.of([[particles]], 1, GRID), Particles(particles.partition[:1], cell[:1])
+    counts = analyse(space, asked, torch.tensor([1]), GRID, kernel)
+    for least, support in ((3.0, [3.0]), (3.1, [])):
+        assert condense([particles], 1, GRID, kernel, least).support.tolist() == support
+        assert counted_votes(counts, asked, torch.tensor([0]), least).support.tolist() == support
+
+
+def test_points_of_pairs_by_hand() -> None:
+    """Features of prototypes 2 and 0; the first is paired with an NPG and a WPG, the second with the WPG.
+
+    A partition is prototype * 2 + type: 2 NPG = 4, 2 WPG = 5, 0 WPG = 1. The particles have their grasps' outcomes.
+    """
+    feature, grasp, cell = torch.tensor([[0, 0, 1], [0, 1, 1], [7, 8, 9]], dtype=torch.int32)
+    pairs = CellPairs(feature, grasp, cell, grasp_type=torch.tensor([0, 1]))
+    particles = shape_grasp_particles(pairs, torch.tensor([2, 0]), torch.tensor([True, False]))
+    assert particles.partition.tolist() == [4, 5, 1] and particles.cell.tolist() == [7, 8, 9]
+    assert particles.prototype.tolist() == [2, 2, 0] and particles.grasp_type.tolist() == [0, 1, 1]
+    assert particles.success.tolist() == [True, False, False]
+
+
+def refusal(model: affordance.GraspModel, folder: Path) -> str:
+    """What `load_model` says of a model that was saved like this; empty if it takes it."""
+    affordance.save_model(model, folder)
+    try:
+        affordance.load_model(folder)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def test_points_that_would_not_be_found_are_refused(model: affordance.GraspModel, tmp_path: Path) -> None:
+    """Each change alone, and what stands just beside it and is well."""
+    condensed, cells = model.condensed, model.grid.cells
+    start, cell = condensed.partition_start, condensed.cell
+    assert len(start) == 9 and start[1] > 2 and start[3] < start[4]
+
+    def changed(name: str, index: int, value: float) -> affordance.GraspModel:
+        tensor = getattr(condensed, name).clone()
+        tensor[index] = value
+        return replace(model, condensed=replace(condensed, **{name: tensor}))
+
+    for bad, words in (
+        (changed("partition_start", 0, 1), "expected slice_start to rise from 0"),
+        (changed("partition_start", 3, int(start[4]) + 1), "expected slice_start to rise from 0"),
+        (changed("cell", -1, cells), f"expected cells below {cells}, got {cells}"),
+        (changed("cell", 1, int(cell[0])), "expected cells to rise within a partition"),
+        (changed("cell", 0, -1), "expected cell finite and from 0 to inf"),
+        (changed("probability", 5, 1.001), "expected probability finite and from 0 to 1"),
+        (changed("probability", 5, math.nan), "expected probability finite and from 0 to 1"),
+        (changed("support", 5, -0.001), "expected support finite and from 0 to inf"),
+        (changed("support", 5, math.inf), "expected support finite and from 0 to inf"),
+        (changed("base_rate", 1, -0.001), "expected base_rate finite and from 0 to 1"),
+    ):
+        assert words in refusal(bad, tmp_path)
+    for well in (
+        changed("cell", -1, cells - 1),
+        changed("cell", 1, int(cell[0]) + 1),  # next to each other
+        changed("probability", 5, 1.0),
+        changed("support", 5, 0.0),
+        changed("base_rate", 1, 1.0),
+    ):
+        assert refusal(well, tmp_path) == ""
+    without = {name: getattr(condensed, name)[start[1] :] for name in ("cell", "probability", "support")}
+    nothing_of_the_first = replace(condensed, partition_start=(start - start[1]).clamp(min=0), **without)
+    assert refusal(replace(model, condensed=nothing_of_the_first), tmp_path) == ""
+
+
+def test_tensors_of_other_shapes_or_types_are_refused(model: affordance.GraspModel, tmp_path: Path) -> None:
+    condensed, weights = model.condensed, model.calibration.weights
+    points, K = len(condensed.cell), len(model.centres)
+    for name, tensor, words in (
+        ("partition_start", condensed.partition_start[1:], "expected slice_start of shape (9,), got (8,)"),
+        ("base_rate", torch.full((3,), 0.5), "expected base_rate of shape (2,), got (3,)"),
+        ("support", condensed.support[:-1], f"expected support of shape ({points},), got ({points - 1},)"),
+        ("probability", condensed.probability.long(), "expected probability to hold numbers, got torch.int64"),
+        ("cell", condensed.cell.float(), "expected cell to hold whole numbers, got torch.float32"),
+    ):
+        other = replace(model, condensed=replace(condensed, **{name: tensor}))
+        assert refusal(other, tmp_path).endswith(words)
+    narrow = replace(model, centres=torch.rand(K, 143))
+    assert refusal(narrow, tmp_path).endswith(f"expected centres of shape (K, 144), got ({K}, 143)")
+    flat = replace(model, calibration=replace(model.calibration, weights=weights[:, :3]))
+    assert refusal(flat, tmp_path).endswith("expected calibration of shape (2, 4), got (2, 3)")
+
+
+def test_a_lattice_of_other_settings_is_refused(model: affordance.GraspModel, tmp_path: Path) -> None:
+    for affordance_settings, refused in (({}, False), ({"voxel": 0.011}, True), ({"voxel": 0.013}, True)):
+        said = {**model.settings, "affordance": {**model.settings["affordance"], **affordance_settings}}
+        assert ("expected the lattice" in refusal(replace(model, settings=said), tmp_path)) == refused
+    without = {name: values for name, values in model.settings.items() if name != "sensing"}
+    assert "expected settings with the keys" in refusal(replace(model, settings=without), tmp_path)
+
+
+def test_rounding_makes_no_probability_above_one() -> None:
+    """Three successes of three, that add up to a little more; a point near which the kernel weighs nothing; none."""
+    counts = Counts(torch.tensor([3.0000002, 0.0, 0.0]), torch.tensor([3.0, 0.0, 5.0]), torch.tensor([3.0, 1.0, 0.0]))
+    points = Particles(torch.tensor([2, 0, 1], dtype=torch.int32), torch.zeros(3, dtype=torch.int32))
+    votes = counted_votes(counts, points, torch.tensor([7, 8, 9]), min_support=0.0)
+    assert votes.grasp.tolist() == [7, 8] and votes.prototype.tolist() == [1, 0]
+    assert votes.probability.tolist() == [1.0, 0.0] and votes.support.tolist() == [3.0, 0.0]
+
+
+def test_a_device_that_is_not_here_is_refused() -> None:
+    for name in ("cpu", "cpu:0"):
+        affordance.check_device(name)
+    for name in ("cpu:1", "meta", "gpu", "cuda:999", ""):
+        with pytest.raises(InputError, match=f"expected cpu or an accelerator of this machine, got {name or 'none'}$"):
+            affordance.check_device(name)

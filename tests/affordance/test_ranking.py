@@ -146,3 +146,13 @@ def test_the_loss_of_a_group_is_by_the_curve_of_the_others() -> None:
     assert 2 / (1 + math.exp(up)) == pytest.approx(up / PRIOR**2) and up > 3 and down < -3
     expected = [3 * math.log1p(math.exp(up)), 2 * math.log1p(math.exp(-down))]
     assert calibration._held_out_loss(terms, success, group) == pytest.approx(expected)
+
+
+def test_the_prior_of_a_calibration_by_hand() -> None:
+    """Four failures of score 0 leave the constant w alone to minimise 4 log(1 + exp(w)) + w^2 / 200.
+
+    So 4 sigmoid(w) = -w / 100, at w = -4.48047: without the prior it would be minus infinity.
+    """
+    zero = torch.zeros(4)
+    found = fit_calibration(zero, zero.long(), zero.bool(), zero.bool()).numbers[0, :4]
+    assert found.tolist() == pytest.approx([-4.48047, 0.0, 0.0, 0.0], rel=1e-3)

@@ -283,3 +283,15 @@ def test_executed_results_keep_the_contract() -> None:
         "random": dict.fromkeys(kinds, 0.1), "seconds": 0,
     }  # fmt: skip
     assert "o2" in str(tables.executed_table(results).columns[0]._cells)
+
+
+def test_the_sizes_of_the_classes_are_no_chance() -> None:
+    """Every container succeeds, no other object does: each resample has 20 of 50, so the interval of all is a point."""
+    rates = [{"CG": float(name == "containers")} for name in CLASSES_OF_50]
+    assert bootstrap_interval(CLASSES_OF_50, rates, 200, seed=0)["all"]["CG"] == pytest.approx([0.4, 0.4])
+
+
+def test_intervals_follow_the_seed() -> None:
+    rates = [{"CG": (i * 7 % 11) / 11} for i in range(50)]
+    first, again, other = (bootstrap_interval(CLASSES_OF_50, rates, 200, seed) for seed in (0, 0, 1))
+    assert first == again != other

@@ -85,3 +85,17 @@ def test_a_model_card_says_the_descriptor() -> None:
     from spgf_torch.features.config import DESCRIPTORS
 
     assert set(card.DESCRIPTORS) == set(DESCRIPTORS)
+
+
+def test_chance_follows_the_seed_the_object_and_the_step(tried: TrialTable) -> None:
+    """An object's stream is its own, and each step's: the same again, another with any other of them."""
+    named, seeded = replace(BRICK, name="block"), replace(DESCRIBER, seed=1)
+    streams = [
+        CachedSteps(settings_, obj, tried).generator(step)
+        for settings_, obj, step in (
+            *((DESCRIBER, BRICK, 0), (DESCRIBER, BRICK, 0)),
+            *((seeded, BRICK, 0), (DESCRIBER, named, 0), (DESCRIBER, BRICK, 1)),
+        )
+    ]
+    first, again, *others = (stream.initial_seed() for stream in streams)
+    assert first == again and len({first, *others}) == 4

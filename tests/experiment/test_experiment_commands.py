@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 import trimesh
 import yaml
 from commands import call
@@ -17,6 +18,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 import spgf_torch
+from spgf_torch.affordance.model import load_model
 from spgf_torch.errors import InputError
 from spgf_torch.evaluate import run as evaluate
 from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
@@ -115,6 +117,70 @@ def test_train_leaves_what_the_contract_says(small: Path) -> None:
     assert "K = 4" in (small / "stdout.txt").read_text() and "nested" in (small / "stdout.txt").read_text()
     assert "K = 4" in (run / "README.md").read_text() and set(results["chosen"]) == {"0", "1"}
     assert "sensing" in (small / "stderr.txt").read_text()
+
+
+def trained(folder: Path, *overrides: str) -> tuple[dict[str, Any], str]:
+    """Results and model card of `train` in this process, on the objects of `small`."""
+    folder.mkdir()
+    train(typed(TrainConfig, composed("train", "objects=objects", "trials=trials", *TINY, *overrides)), folder)
+    return json.loads((folder / "results.json").read_text()), (folder / "README.md").read_text()
+
+
+def test_prototypes_of_another_model(
+    small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of the same folds they are what would be learned here; of a model of all objects they know the novel ones."""
+    monkeypatch.chdir(small)
+    run, alone = Path("outputs/train/latest"), tmp_path / "alone"
+    first = json.loads((run / "results.json").read_text())
+    results, card = trained(tmp_path / "by_fold", f"prototypes_from={run}")
+    for ranking in (
+        "paper",
+        "log_odds",
+        "log_odds_free",
+    ):  # the others also ask inner folds, whose prototypes are given
+        assert results["by_ranking"][ranking] == first["by_ranking"][ranking]
+    assert results["prototypes_from"]["by_fold"] and results["prototypes_from"]["seen"] == 0
+    assert "has seen none of the novel objects" in card
+    alone.mkdir()
+    for name in ("model.json", "model.safetensors"):
+        shutil.copy(run / name, alone)
+    results, card = trained(tmp_path / "of_all", f"prototypes_from={alone}")
+    assert results["prototypes_from"]["seen"] == len(NAMES) and not results["prototypes_from"]["by_fold"]
+    assert "a model of sdh2" in card and "knows the shapes of 10 of the novel objects" in capsys.readouterr().out
+    assert torch.equal(load_model(tmp_path / "of_all").centres, load_model(alone).centres)
+
+
+def test_words_over_constellations_vote(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a word they are the paper's prototypes; a model keeps none, and what cannot be is refused."""
+    monkeypatch.chdir(small)
+    given = ["objects=objects", "trials=trials", *TINY, "constellations.words=6"]
+    (tmp_path / "words").mkdir()
+    train(typed(TrainConfig, composed("train", *given, "final_model=false")), tmp_path / "words")
+    results = json.loads((tmp_path / "words/results.json").read_text())
+    first = json.loads(Path("outputs/train/latest/results.json").read_text())
+    assert results["random"] == first["random"] and results["calibration"] != first["calibration"]
+    assert not (tmp_path / "words/model.json").exists()
+    monkeypatch.chdir(tmp_path)
+    says(train, TrainConfig, ["constellations.words: expected with final_model=false"], "train", *given)
+    Path("run").rmdir()
+    bent = [*given, "final_model=false", "constellations.inner=0.06"]
+    says(train, TrainConfig, ["constellations.inner: expected less than outer, 0.06 m, got 0.06"], "train", *bent)
+
+
+def test_prototypes_that_do_not_fit(small: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "objects").symlink_to(small / "objects")
+    (tmp_path / "trials").symlink_to(small / "trials")
+    (tmp_path / "model").symlink_to((small / "outputs/train/latest").resolve())
+    monkeypatch.chdir(tmp_path)
+    given = ["objects=objects", "trials=trials", *TINY, "prototypes_from=model"]
+    for words, changed in (
+        (["K: expected 4, the number of prototypes of model, got 5"], "K=5"),
+        (["features.radius: expected 0.03, as the prototypes of model", "got 0.02"], "features.radius=0.02"),
+        (["prototypes_from", "nothing there at none"], "prototypes_from=none"),
+    ):
+        says(train, TrainConfig, words, "train", *given, changed)
+        Path("run").rmdir()
 
 
 def test_the_same_settings_give_the_same_results(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:

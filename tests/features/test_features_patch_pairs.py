@@ -63,3 +63,24 @@ def test_refusals() -> None:
         patch_pairs(torch.eye(3), torch.full((3, 3), math.nan), CONFIG, generator())
     with pytest.raises(InputError, match="points"):
         patch_pairs(torch.full((3, 3), math.nan), torch.eye(3), CONFIG, generator())
+
+
+def test_an_unequal_pair_by_hand() -> None:
+    """The same box, 20 mm beyond the edge and 10 mm below it.
+
+    From the upper patch the other one lies atan(10 / 20) below the plane; from the side patch the upper one lies 20 mm
+    behind and 10 mm up: atan(20 / 10). So each has its own elevation first, and the other's second.
+    """
+    positions = torch.tensor([[0.0, 0.0, 0.0], [0.02, 0.0, -0.01]])
+    normals = torch.tensor([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    flat, steep, rest = math.atan(0.5), math.atan(2), [math.pi / 2, math.sqrt(5) / 3 * math.pi / 2]
+    found = patch_pairs(positions, normals, CONFIG, generator()).relations()
+    assert torch.allclose(found, torch.tensor([[flat, steep, *rest], [steep, flat, *rest]]), atol=1e-6)
+
+
+def test_a_pair_above_and_below_by_hand() -> None:
+    """Two parallel patches, one 10 mm higher and 20 mm aside: above is negative, each to the other the opposite."""
+    positions, normals = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.02, 0.01]]), torch.tensor([[0.0, 0.0, 1.0]] * 2)
+    rise, rest = math.atan(0.5), [0.0, math.sqrt(5) / 3 * math.pi / 2]
+    found = patch_pairs(positions, normals, CONFIG, generator()).relations()
+    assert torch.allclose(found, torch.tensor([[-rise, rise, *rest], [rise, -rise, *rest]]), atol=1e-4)

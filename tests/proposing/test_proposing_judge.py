@@ -1,5 +1,6 @@
 """A judge's arrays say what scikit-learn says; its files come back as they were, or are refused."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import torch
 from sklearn.ensemble import HistGradientBoostingClassifier
 
 from spgf_torch.errors import InputError
+from spgf_torch.files.sealing import KEY, sealed_json
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.judging.config import JudgeConfig, TreesConfig
 from spgf_torch.judging.learning import fit, learn_judge, quantiles, trees_of, weights
@@ -217,3 +219,36 @@ def test_calibration_keeps_the_order_and_the_product(judge: Judge, tmp_path: Pat
     assert torch.equal(doubting.probability(fresh, False), judge.probability(fresh, False))
     save_judge(doubting, tmp_path)
     assert torch.equal(load_judge(tmp_path).probability(fresh, True), after)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"format": "spgf_torch model"}, "expected format 'spgf_torch judge', schema 2"),
+        ({"schema": 1}, "expected format 'spgf_torch judge', schema 2"),
+        ({"numbers": list(NAMES[:-1])}, "expected a judge of this version's 31 numbers"),
+        (
+            {"forms": dict.fromkeys(("images.free", "images.holds", "bare.free"), "trees")},
+            "expected forms of bare.free",
+        ),
+        ({"forms": dict.fromkeys(("images.free", "images.holds", "bare.free", "bare.holds"), "net")}, "expected forms"),
+        ({"sure": "0.8"}, "expected sure, got '0.8'"),
+        ({"taught": []}, "expected taught, got []"),
+        ({"calibration": {"three": [1.0, 1.0, 0.0]}}, "expected calibration of one, more: two slopes > 0 and a shift"),
+        ({"calibration": {"one": [1.0, 1.0]}}, "two slopes > 0 and a shift"),
+        ({"calibration": {"one": [1.0, 0.0, 0.0]}}, "two slopes > 0 and a shift"),
+        ({"calibration": {"more": [-0.1, 1.0, 0.0]}}, "two slopes > 0 and a shift"),
+        ({"calibration": {"more": [1.0, True, 0.0]}}, "two slopes > 0 and a shift"),
+        ({"settings": {"hand": {}}}, "settings.hand: "),
+    ],
+    ids=str,
+)
+def test_what_a_judge_says_of_itself_is_checked(change: dict, words: str, judge: Judge, tmp_path: Path) -> None:
+    """Of a document that is whole, and sealed."""
+    save_judge(judge, tmp_path)
+    about = tmp_path / "judge.json"
+    document = {name: value for name, value in json.loads(about.read_text()).items() if name != KEY}
+    about.write_bytes(sealed_json(document, indent=1, sort_keys=True))
+    load_judge(tmp_path)
+    about.write_bytes(sealed_json({**document, **change}, indent=1, sort_keys=True))
+    refused(tmp_path, str(about), words)

@@ -17,7 +17,7 @@ from spgf_torch.features.spgf import Features
 from spgf_torch.geometry import se3
 from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.proposing.clearance import Plane, Surroundings
-from spgf_torch.proposing.propose import Proposals, Proposer
+from spgf_torch.proposing.propose import Pool, Proposals, Proposer, Voters
 from spgf_torch.proposing.sampling import same_grasp
 from spgf_torch.sensing.texlets import Texlets
 
@@ -157,6 +157,7 @@ def test_the_hand_touches_neither_points_nor_table(proposer: Proposer, features:
     assert len(found) > 3
     assert clear.free_of_points(points, found.T_object_tcp, found.grasp_type).all()
     assert clear.free_of_plane(table, found.T_object_tcp, found.grasp_type).all()
+    assert clear.closes_on_points(points, found.T_object_tcp, found.grasp_type).all()
     assert not clear.free_of_points(points, anywhere.T_object_tcp, anywhere.grasp_type).all()
     assert not clear.free_of_plane(table, anywhere.T_object_tcp, anywhere.grasp_type).all()
 
@@ -188,3 +189,44 @@ def test_from_texlets(model: GraspModel, generator: torch.Generator) -> None:
     assert len(found) > 0 and found.T_object_tcp.dtype == torch.float32
     assert found.support.dtype == found.grasp_type.dtype == torch.int64
     assert ((found.probability >= 0) & (found.probability <= 1)).all()
+
+
+def test_few_voters_stand_for_all(proposer: Proposer, generator: torch.Generator) -> None:
+    """Eight features at one place, of one kind: two say what all do, the shrinkage being in proportion."""
+    T, ids = patches(1, generator).repeat(8, 1, 1), torch.zeros(8, dtype=torch.int64)
+    poses = T[0] @ se3.random_poses(3000, generator, extent=0.03).double()
+    kind = torch.arange(3000) % 2
+    few, all_ = (proposer.score(poses, kind, Voters(T, ids), n) for n in (2, 8))
+    assert int(all_.isfinite().sum()) > 20 and torch.allclose(few, all_, rtol=1e-4)
+
+
+UP, IN_A_FINGER = torch.tensor([0.0, 0.0, 1.0]), torch.tensor([0.03, 0.0, -0.015])
+
+
+@pytest.mark.parametrize(
+    ("between", "touched", "around", "moved"),
+    [
+        ([0.0, 0.0, 0.0], False, Surroundings(), True),
+        ([0.0, 0.02, 0.0], False, Surroundings(), False),  # in the middle of where the hand was
+        ([0.0, 0.0, 0.0], True, Surroundings(), False),
+        ([0.0, 0.0, 0.0], False, Surroundings(obstacles=IN_A_FINGER[None]), False),
+        ([0.0, 0.0, 0.0], False, Surroundings(table=Plane(UP, -0.1)), True),
+        ([0.0, 0.0, 0.0], False, Surroundings(table=Plane(UP, 0.0)), False),
+        ([0.0, 0.0, 0.0], False, Surroundings(up=(UP, 0.5)), False),
+    ],
+    ids=["free", "nothing to close on", "a point in a finger", "an obstacle", "high", "a table", "from below"],
+)
+def test_a_move_leaves_the_hand_free(between: list[float], touched: bool, around: Surroundings, moved: bool) -> None:
+    """A hand 20 mm aside of the one pose with a vote, and the move that leads there: in the frame of that pose."""
+    grid = grid_of(AFFORDANCE)
+    cell = grid.index(torch.tensor([0.0, 0.0, 0.03]), torch.tensor([1.0, 0.0, 0.0, 0.0]))
+    position, quaternion = grid.centres(cell.unsqueeze(0))
+    voters = Voters(se3.inverse(se3.pose(position, quaternion)), torch.tensor([1]))
+    aside, back = torch.eye(4), torch.eye(4)
+    aside[1, 3], back[1, 3] = 0.02, -0.02
+    pool = Pool(aside[None], torch.tensor([1]), torch.tensor([-math.inf]))
+    points = torch.tensor([between]) if not touched else torch.stack([torch.tensor(between), IN_A_FINGER])
+    proposer = Proposer.of(single_point_model(grid, int(cell)), CONFIG, VOLUMES)
+    found = proposer.refine(pool, back[None], voters, points, around)
+    assert torch.allclose(found.T[0], torch.eye(4) if moved else aside, atol=1e-6)
+    assert bool(found.score.isfinite()) == moved

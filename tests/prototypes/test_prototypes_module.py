@@ -127,6 +127,7 @@ def test_batches_cover_everything_once_in_an_order_of_their_epoch() -> None:
     first, again, second = ([batch[:, 0].tolist() for batch in MiniBatches(values, 2, 0, epoch)] for epoch in (0, 0, 1))
     assert sorted(first) == [[0, 5], [1, 6], [2, 7], [3, 8], [4, 9]]
     assert first == again != second
+    assert first != [batch[:, 0].tolist() for batch in MiniBatches(values, 2, 1, 0)]  # nor that of another seed
     assert sorted(len(batch) for batch in MiniBatches(values, 4, 0, 0)) == [3, 3, 4]
 
 
@@ -161,3 +162,11 @@ def test_bad_relations_are_one_line(bad: Tensor, message: str, small: PrototypeC
     with pytest.raises(InputError, match=message) as error:
         fit_prototypes(bad, small, 0)
     assert "\n" not in str(error.value)
+
+
+def test_the_search_follows_the_seed() -> None:
+    """One restart, no breath and one batch leave the seed nothing but the start: on noise others end elsewhere."""
+    rows = torch.rand(400, 6, generator=torch.Generator().manual_seed(3))
+    config = settings(PrototypeConfig, num_clusters=12, restarts=1, finalists=1, breath=0, batch_size=400, epochs=1)
+    first, again, other = (fit_prototypes(rows, config, seed) for seed in (0, 0, 1))
+    assert torch.equal(first, again) and not torch.allclose(first, other, atol=0.01)

@@ -97,3 +97,41 @@ def test_names_carry_their_ids() -> None:
 
 def test_a_ring_of_gaps_alone_has_a_name() -> None:
     assert ring_shape(rings(top=(90, 90))).name == "surface"
+
+
+def test_the_thresholds_are_those_that_the_rule_gives() -> None:
+    """In degrees: each is met, and missed by a tenth."""
+    assert [ring_shape(rings(top=(a, 0))).gap for a in (60, 59.9)] == [1, 0]
+    assert [ring_shape(rings(top=(0, a))).bend for a in (30, 29.9)] == [1, 0]
+    assert [ring_shape(rings(bottom=(10, a))).bend for a in (119.9, 120)] == [1, 0]
+    assert [ring_shape(rings(bottom=(10, a))).other_side for a in (135, 134.9)] == [1, 0]
+    assert [ring_shape(rings(top=(a, 0))).name for a in (-5, -4.9)] == ["inner surface", "surface"]
+
+
+def test_a_ring_that_bends_a_little_to_one_side_is_an_edge() -> None:
+    """From -4 on: alpha2 ranges over 30 degrees, or a tenth less, and no cell bends by itself."""
+    for to, name in ((26, "edge"), (25.9, "surface")):
+        ring = rings(top=(0, -4))
+        ring[0, 3] = 0, to
+        assert ring_shape(ring).name == name and ring_shape(ring).bend == 0
+
+
+def test_a_rim_has_its_other_side_in_half_of_the_ring() -> None:
+    """One gap in the top ring, the bottom ring open in 18 cells of 36, or in 19."""
+    rim = rings(bottom=(10, 175))
+    rim[0, 0] = 90, 90
+    rim[1, :18] = 90, 180
+    assert ring_shape(rim).name == "rim"
+    rim[1, 18] = 90, 180
+    assert ring_shape(rim).name == "wall"
+
+
+def test_the_neighbours_of_the_bend_tell_concave_from_convex() -> None:
+    """The largest alpha2 is in cell 10; its neighbours are cells 7 to 13, of which cell 12 is a gap.
+
+    So alpha1 is the mean of six: (-8 - 7 - 6 - 5 - 4 - 0) / 6 = -5, and what lies around is not asked.
+    """
+    ring = rings(top=(50, 0))
+    ring[0, 7:14, 0] = -8, -7, -6, -5, -4, 70, 0
+    ring[0, 10, 1], ring[0, 12, 1] = 20, 90
+    assert ring_shape(ring).alpha1_deg == pytest.approx(-5) and ring_shape(ring).name == "inner surface"

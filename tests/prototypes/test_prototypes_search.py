@@ -8,7 +8,16 @@ from torch import Tensor
 from spgf_torch.ops.kmeans_start import Weighted, settle
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import inertia, lloyd
-from spgf_torch.prototypes.search import Summary, breathe, initial_centres, principal_components
+from spgf_torch.prototypes.search import (
+    AXES_FROM,
+    Settled,
+    Summary,
+    _added,
+    _kept,
+    breathe,
+    initial_centres,
+    principal_components,
+)
 from spgf_torch.settings import settings
 
 
@@ -108,3 +117,48 @@ def test_initial_centres_find_every_blob() -> None:
     centres, counts = initial_centres(blobs(middles), config, torch.Generator().manual_seed(0))
     assert torch.cdist(centres, middles).amin(0).max() < 0.2
     assert counts.sum() == 600 and counts.min() > 0
+
+
+def line(*centres: float, **columns: list[float]) -> tuple[Summary, Settled]:
+    """Centres on a line, in two dimensions, and a point at each; columns: weights, distance, second."""
+    at = torch.tensor([[x, 0.0] for x in centres])
+    distance, second = (np.float32(columns.get(name, [0.0] * len(at))) for name in ("distance", "second"))
+    weights = torch.tensor(columns["weights"]) if "weights" in columns else None
+    return summary_of(at, weights), Settled(at.numpy(), 0.0, distance, second, np.arange(len(at)))
+
+
+def test_the_least_useful_centres_go_and_no_two_of_them_close() -> None:
+    """The next centre is 1, 1, 1.5, 1.5 and 5.5 away, 2.1 in the mean: closer than 2.31 are the first two and the next.
+
+    Without them the inertia rises by 1, 2, 3, 4 and 100. The cheapest goes; then not the next, which is close to it,
+    but the third; and of three the last one is the fifth: of the others each is close to one that went.
+    """
+    summary, settled = line(0, 1, 5, 6.5, 12, distance=[1, 1, 1, 1, 1], second=[2, 3, 4, 5, 101])
+    assert _kept(summary, settled, 1).tolist() == [False, True, True, True, True]
+    assert _kept(summary, settled, 2).tolist() == [False, True, False, True, True]
+    assert _kept(summary, settled, 3).tolist() == [False, True, False, True, False]
+
+
+def test_new_centres_come_where_the_error_is() -> None:
+    """Errors 8 of weight 4, 2 of 2, 54 of 3: in two dimensions a deviation of 1 and of 3. Half of it, at random."""
+    summary, settled = line(0, 10, 20, weights=[4.0, 2.0, 3.0], distance=[2, 1, 18])
+    noise = torch.randn(2, 2, generator=torch.Generator().manual_seed(5)).numpy()
+    expected = [[20, 0] + 0.5 * 3 * noise[0], [0, 0] + 0.5 * 1 * noise[1]]
+    found = _added(summary, settled, 2, torch.Generator().manual_seed(5))
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+
+
+def test_all_points_are_looked_at_where_they_are_few_enough() -> None:
+    """Every second point lies elsewhere: axis and start know it where there are just as many as may be looked at.
+
+    With one more, every second is left out.
+    """
+    odd = torch.arange(AXES_FROM) % 2 == 1
+    points = torch.where(odd[:, None], torch.tensor([0.0, 3.0]), torch.tensor([1.0, 0.0]))
+    points *= torch.arange(AXES_FROM).div(2, rounding_mode="floor").remainder(2)[:, None] * 2 - 1
+    assert principal_components(points, 1)[odd].abs().min() > 2.9
+    few = torch.cat([points, points[:1]])
+    assert principal_components(few, 1)[1::2].abs().max() < 0.1
+    for allowed, sampled in ((500, 500), (499, 250)):
+        config = settings(PrototypeConfig, num_clusters=2, subsample=allowed, restarts=2)
+        assert initial_centres(points[:500], config, torch.Generator().manual_seed(0))[1].sum() == sampled

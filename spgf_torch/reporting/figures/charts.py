@@ -71,8 +71,12 @@ def success_over_k(rows: Sequence[Repeats], ranking: str, beside: str | None = N
         axis.set_xticks(sorted({*K, *printed}))
 
     legend = [
-        *_ours(f"{HEADINGS.get(ranking, ranking)}, 95 % band"),
-        *([Line2D([], [], **BESIDE, color="#202020", label=HEADINGS.get(beside, beside))] if beside and other else []),
+        *_ours(f"here: {HEADINGS.get(ranking, ranking)}, 95 % band"),
+        *(
+            [Line2D([], [], **BESIDE, color="#202020", label=f"here: {HEADINGS.get(beside, beside)}")]
+            if beside and other
+            else []
+        ),
         Line2D([], [], **PRINTED, label="the paper"),
         Line2D([], [], color=CHANCE, linestyle=(0, (4, 3)), label="random"),
         Line2D([], [], color=CEILING, linestyle=":", label="ceiling"),
