@@ -11,7 +11,7 @@ from spgf_torch.affordance.config import NESTED
 from spgf_torch.baselines.config import BaselineConfig, check_network
 from spgf_torch.cli.command import run_command
 from spgf_torch.extras import installed, remedy
-from spgf_torch.files.given import check_folder
+from spgf_torch.files.given_paths import check_folder
 from spgf_torch.progress import ProgressReporter, console, show
 
 NO_PROTOTYPES = 0  # the K of a network
@@ -25,7 +25,7 @@ def run(config: BaselineConfig, folder: Path) -> None:
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
 
     from spgf_torch.baselines.data import provenance_of, read_data, usable_device
-    from spgf_torch.baselines.work import claimed, hand_over
+    from spgf_torch.baselines.work_folder import claimed, hand_over
 
     device, start, stages = usable_device(config.device), time.perf_counter(), ProgressReporter()
     data = read_data(config, device, stages)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from spgf_torch.cli.command import run_command
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig
-from spgf_torch.files.given import NONE, check_folder, model_and_judge
+from spgf_torch.files.given_paths import NONE, check_folder, model_and_judge
 from spgf_torch.paths import find
 from spgf_torch.progress import ProgressReporter, show
 
@@ -213,7 +213,7 @@ def _proposals(
     from spgf_torch.experiment.describe import Grasps
     from spgf_torch.experiment.labelled_grasps import open_hand
     from spgf_torch.judging.clouds import seen_as
-    from spgf_torch.proposing.judged import JudgedProposer, ranked
+    from spgf_torch.proposing.judge_proposer import JudgedProposer, ranked
 
     cloud = seen_as(obj, config.sensing, config.table, config.seed)
     if judge is None:

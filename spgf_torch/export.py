@@ -6,7 +6,7 @@ from pathlib import Path
 
 from spgf_torch.cli.command import run_command
 from spgf_torch.extras import needed
-from spgf_torch.files.given import check_folder
+from spgf_torch.files.given_paths import check_folder
 from spgf_torch.formats.config import ExportConfig, wanted_formats
 from spgf_torch.paths import find
 from spgf_torch.progress import ProgressReporter, show

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from spgf_torch.cli.command import run_command
 from spgf_torch.extras import needed
-from spgf_torch.files.given import check_folder
+from spgf_torch.files.given_paths import check_folder
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.progress import ProgressReporter, show
 
@@ -27,7 +27,7 @@ def run(config: JudgeConfig, folder: Path) -> None:
             check_folder(key, getattr(config, key), what)
 
     from spgf_torch.cache import Cache
-    from spgf_torch.judging.course import TRIALS, Course, write_tables
+    from spgf_torch.judging.judge_training import TRIALS, Course, write_tables
     from spgf_torch.judging.settings import stages as plan
     from spgf_torch.judging.validation import executed_table
     from spgf_torch.objects.folders import read_objects

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from spgf_torch.cli.command import run_command
 from spgf_torch.extras import installed, remedy
-from spgf_torch.files.given import check_files, model_and_judge
+from spgf_torch.files.given_paths import check_files, model_and_judge
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.scene.config import PredictConfig
@@ -69,8 +69,8 @@ def _write_page(
     """Write the picture and, where plotly is installed, the page, with `lines`."""
     from spgf_torch.drawing.grasp_page import write_scene_page
     from spgf_torch.drawing.grasp_scene import Beside
-    from spgf_torch.drawing.weighed_words import weighed_words
-    from spgf_torch.proposing.weighing import weighed
+    from spgf_torch.drawing.judge_words import weighed_words
+    from spgf_torch.proposing.judge_influences import weighed
 
     words: tuple[str, ...] = ()
     if predictor.judged is not None:

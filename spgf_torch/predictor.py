@@ -21,7 +21,7 @@ import torch
 from spgf_torch.affordance.model import GraspModel, check_device, load_model, model_settings
 from spgf_torch.affordance.sensed_collision import hand_volume
 from spgf_torch.errors import InputError
-from spgf_torch.files.given import model_and_judge
+from spgf_torch.files.given_paths import model_and_judge
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.hands.records import Grasp, Gripper, grippers_of, make_grasp
@@ -30,7 +30,7 @@ from spgf_torch.proposing.clearance import Plane, Surroundings
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.judge import Judge, load_judge
 from spgf_torch.proposing.judge_features import Seen
-from spgf_torch.proposing.judged import JudgedProposer
+from spgf_torch.proposing.judge_proposer import JudgedProposer
 from spgf_torch.proposing.propose import Proposals, Proposer
 from spgf_torch.prototypes.naming import prototype_names
 from spgf_torch.scene.arrays import cloud_of_arrays

@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 from spgf_torch.cli.command import run_command
 from spgf_torch.errors import IncompleteError, InputError
 from spgf_torch.extras import needed
-from spgf_torch.files.given import check_folder
+from spgf_torch.files.given_paths import check_folder
 from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.settings import plain
 from spgf_torch.simulation.config import SimulateConfig
@@ -34,7 +34,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
         needed("runner: dask", "distributed")
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
-    from spgf_torch.files.sealing import sealed_yaml
+    from spgf_torch.files.digests import sealed_yaml
     from spgf_torch.files.writing import write_bytes
     from spgf_torch.hands.hand import load_hand
     from spgf_torch.objects.folders import read_objects

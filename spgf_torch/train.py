@@ -20,7 +20,7 @@ from spgf_torch.cli.command import run_command, write_settings
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.extras import needed
-from spgf_torch.files.given import check_folder
+from spgf_torch.files.given_paths import check_folder
 from spgf_torch.paths import root
 from spgf_torch.progress import ProgressReporter, show
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from spgf_torch.cache import Cache
     from spgf_torch.experiment.describe import Describer
     from spgf_torch.experiment.experiment import Design
-    from spgf_torch.judging.course import Course
+    from spgf_torch.judging.judge_training import Course
     from spgf_torch.objects.grasp_object import GraspObject
     from spgf_torch.simulation.table import TrialTable
 
@@ -123,7 +123,7 @@ def _course(
     """How a judge is learned, if one is asked for; InputError where the settings do not go together."""
     if config.judge == "none":
         return None
-    from spgf_torch.judging.course import Course
+    from spgf_torch.judging.judge_training import Course
     from spgf_torch.judging.settings import VOTES, judge_settings
     from spgf_torch.judging.settings import stages as plan
 
@@ -223,7 +223,7 @@ def _judge(
     course: Course, tables: Sequence[TrialTable], made: bool, config: TrainConfig, folder: Path
 ) -> dict[str, Any]:
     """Learn the judge; write it, and the trials that were made, beside the model. How it did on held-out objects."""
-    from spgf_torch.judging.course import TRIALS, write_tables
+    from spgf_torch.judging.judge_training import TRIALS, write_tables
     from spgf_torch.judging.validation import executed_table
 
     judge, own = course.judge(tables)

@@ -17,7 +17,7 @@ from spgf_torch.cli.command import slug
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.export import run as export
-from spgf_torch.files.sealing import KEY, sealed_json
+from spgf_torch.files.digests import KEY, sealed_json
 from spgf_torch.formats.card import checksums
 from spgf_torch.formats.config import ExportConfig
 from spgf_torch.reporting.data.runs import read_per_object, read_run

@@ -11,7 +11,7 @@ JUDGE = ROOT / "data/judge/panda/judge.json"
 MODULES = (
     "spgf_torch",
     "spgf_torch.affordance.model",
-    "spgf_torch.deferred",
+    "spgf_torch.deferred_imports",
     "spgf_torch.features.estimator",
     "spgf_torch.features.interface",
     "spgf_torch.geometry.se3",

@@ -15,7 +15,7 @@ FORBIDDEN = {
     "layers": ("features/spgf.py", "import spgf_torch.scene.planes"),
     "sapien": ("proposing/propose.py", "import sapien.physx"),
     "lightning": ("prototypes/kmeans.py", "from lightning.pytorch import Trainer"),
-    "sklearn": ("judging/course.py", "import sklearn"),
+    "sklearn": ("judging/judge_training.py", "import sklearn"),
     "open3d": ("scene/files.py", "import open3d"),
     "hydra": ("predictor.py", "from hydra import main"),
 }

@@ -27,8 +27,8 @@ from spgf_torch.affordance.voting import Votes, VotingIndex, cast_votes
 from spgf_torch.errors import InputError
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import width
+from spgf_torch.files.digests import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
 from spgf_torch.files.reading import existing, json_values, unreadable
-from spgf_torch.files.sealing import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.geometry.se3_grid import Kernel, SE3Grid, gaussian_kernel
 from spgf_torch.hands.config import GRASP_TYPES, HandConfig

@@ -19,7 +19,7 @@ from spgf_torch.affordance.particles import Particles
 from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.ops.accumulate_votes import Candidates, Voters, accumulate_votes
-from spgf_torch.ops.look_up import NO_POINT, Table, look_up
+from spgf_torch.ops.look_up_points import NO_POINT, Table, look_up
 
 __all__ = ["Votes", "VotingIndex", "cast_votes"]
 

@@ -12,10 +12,10 @@ import numpy as np
 import torch
 
 from spgf_torch.affordance.calibration import Calibration
+from spgf_torch.baselines.checkpoints import read_tensors
 from spgf_torch.baselines.config import BaselineConfig
 from spgf_torch.baselines.data import Data
 from spgf_torch.baselines.folds import MODEL, FoldLogits, calibrated, scores
-from spgf_torch.baselines.kept import read_tensors
 from spgf_torch.baselines.pointnet import PointNet, grasp_logits
 from spgf_torch.cache import Cache
 from spgf_torch.experiment.costs import OBJECTS

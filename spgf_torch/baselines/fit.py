@@ -16,11 +16,11 @@ from lightning.pytorch.callbacks import EarlyStopping, ModelCheckpoint
 from lightning.pytorch.loggers import CSVLogger, Logger, TensorBoardLogger
 from lightning.pytorch.plugins.environments import LightningEnvironment
 
-from spgf_torch.baselines.kept import AGAIN, read_checkpoint, write_checkpoint
-from spgf_torch.baselines.module import LOSS, GraspClassifier
+from spgf_torch.baselines.checkpoints import AGAIN, read_checkpoint, write_checkpoint
+from spgf_torch.baselines.lightning_module import LOSS, GraspClassifier
 from spgf_torch.extras import installed
+from spgf_torch.files.digests import is_sealed
 from spgf_torch.files.reading import unreadable
-from spgf_torch.files.sealing import is_sealed
 
 LAST, BEST, LOGS, CSV = "last.ckpt", "best.ckpt", "logs", "csv"
 

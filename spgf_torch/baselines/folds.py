@@ -13,11 +13,11 @@ from torch import Tensor
 from spgf_torch.affordance.calibration import Calibration, fit_calibration, uncalibrated
 from spgf_torch.affordance.config import NESTED
 from spgf_torch.affordance.ranking import COLLIDING
+from spgf_torch.baselines.checkpoints import read_tensors, write_tensors
 from spgf_torch.baselines.config import BaselineConfig
 from spgf_torch.baselines.data import Data
 from spgf_torch.baselines.fit import BEST, LAST, fit
-from spgf_torch.baselines.kept import read_tensors, write_tensors
-from spgf_torch.baselines.module import GraspClassifier, Task
+from spgf_torch.baselines.lightning_module import GraspClassifier, Task
 from spgf_torch.baselines.pointnet import PointNet, grasp_logits
 from spgf_torch.baselines.samples import Samples
 from spgf_torch.errors import InputError

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from spgf_torch.evaluation.results import object_rates
 from spgf_torch.evaluation.success import TYPES
-from spgf_torch.files.sealing import digest_of, sealed_json
+from spgf_torch.files.digests import digest_of, sealed_json
 from spgf_torch.files.writing import write_bytes, write_text
 
 if TYPE_CHECKING:

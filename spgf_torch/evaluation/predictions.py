@@ -22,9 +22,9 @@ from spgf_torch.affordance.config import NESTED
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.success import of_type
 from spgf_torch.files.checks import name as checked_name
+from spgf_torch.files.digests import BLANK, KEY, check_seal, sealed
 from spgf_torch.files.parquet import parquet_table
 from spgf_torch.files.reading import existing, reason
-from spgf_torch.files.sealing import BLANK, KEY, check_seal, sealed
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.geometry import se3
 from spgf_torch.hands.config import GRASP_TYPES

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from spgf_torch.affordance.model import GraspModel, load_model, save_model
 from spgf_torch.errors import InputError
+from spgf_torch.files.digests import KEY as SEAL
+from spgf_torch.files.digests import sealed_json
 from spgf_torch.files.reading import json_values
-from spgf_torch.files.sealing import KEY as SEAL
-from spgf_torch.files.sealing import sealed_json
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.objects.grasp_object import GraspObject
 

@@ -33,12 +33,12 @@ class PrototypeFit:
 
     def __call__(self, relations: Tensor) -> Tensor:
         """Prototypes (K, D) of relations (L, D), on the same device."""
-        name = "spgf_torch.prototypes.module"
+        name = "spgf_torch.prototypes.lightning_module"
         key = fingerprint(code_fingerprint(name), relations, self.config, self.seed, relations.device.type)
         return self.cache.tensors("prototypes", key, lambda: self._fit(relations))["centres"].to(relations.device)
 
     def _fit(self, relations: Tensor) -> dict[str, Tensor]:
-        from spgf_torch.prototypes.module import fit_prototypes  # brings Lightning: seconds to import
+        from spgf_torch.prototypes.lightning_module import fit_prototypes  # brings Lightning: seconds to import
 
         return {"centres": fit_prototypes(relations, self.config, self.seed)}
 

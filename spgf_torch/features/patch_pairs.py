@@ -21,7 +21,7 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.interface import VectorFeatures
 from spgf_torch.geometry.se3 import from_rotation
 from spgf_torch.ops.neighbours import radius_pairs
-from spgf_torch.ops.relations import frames_in_torch, pairs_in_torch, relations_in_torch
+from spgf_torch.ops.pairwise_relations import frames_in_torch, pairs_in_torch, relations_in_torch
 
 NUMBERS = 4  # of a pair: two elevations, the angle between the normals, the distance
 

@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 from spgf_torch.errors import InputError, one_line
-from spgf_torch.files.sealing import check_seal
+from spgf_torch.files.digests import check_seal
 
 LARGEST_JSON = 16_000_000  # bytes; as Python objects up to twenty times as many
 LARGEST_YAML = 4_000_000  # bytes; half a minute of PyYAML

@@ -16,8 +16,8 @@ import numpy as np
 
 from spgf_torch.errors import InputError
 from spgf_torch.files.checks import entry
+from spgf_torch.files.digests import digest_of, sealed_json
 from spgf_torch.files.reading import json_values
-from spgf_torch.files.sealing import digest_of, sealed_json
 from spgf_torch.formats.common import mesh_file
 from spgf_torch.formats.config import ExportConfig
 from spgf_torch.formats.trial_sets import TrialSet

@@ -19,7 +19,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import QhullError
 
-from spgf_torch.deferred import deferred
+from spgf_torch.deferred_imports import deferred
 from spgf_torch.errors import InputError
 from spgf_torch.files.mesh_files import mesh_arrays
 from spgf_torch.files.reading import LARGEST_XML, unreadable, xml_root

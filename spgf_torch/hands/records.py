@@ -15,7 +15,7 @@ from spgf_torch.files.reading import xml_root
 from spgf_torch.hands.hand import Hand, Kinematics
 
 if TYPE_CHECKING:
-    from spgf_torch.proposing.weighing import Numbers
+    from spgf_torch.proposing.judge_influences import Numbers
 
 __all__ = ["Grasp", "Gripper", "gripper_for", "grippers_of", "make_grasp"]
 

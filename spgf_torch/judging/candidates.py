@@ -28,7 +28,7 @@ from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.judging.clouds import seen_as
 from spgf_torch.judging.config import JudgeConfig, TreesConfig
 from spgf_torch.judging.learning import judge_of, learn_judge
-from spgf_torch.judging.rows import SAMPLED, Rows
+from spgf_torch.judging.training_rows import SAMPLED, Rows
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.clearance import Clearance

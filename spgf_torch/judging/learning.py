@@ -15,11 +15,11 @@ from threadpoolctl import threadpool_limits
 from torch import Tensor
 
 from spgf_torch.judging.config import JudgeConfig, TreesConfig
-from spgf_torch.judging.rows import Rows
+from spgf_torch.judging.training_rows import Rows
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.proposing.judge import FACTORS, KNOWN, VIEWS, Curve, Judge
 from spgf_torch.proposing.judge_features import NAMES
-from spgf_torch.proposing.trees import Form, Logistic, Trees
+from spgf_torch.proposing.tree_ensembles import Form, Logistic, Trees
 from spgf_torch.settings import plain
 from spgf_torch.threads import in_parts
 

@@ -19,13 +19,13 @@ import torch
 from torch import Tensor
 
 from spgf_torch.errors import InputError
+from spgf_torch.files.digests import check_seal
 from spgf_torch.files.parquet import parquet_table
 from spgf_torch.files.reading import json_of, unreadable
-from spgf_torch.files.sealing import check_seal
 from spgf_torch.geometry import se3
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.judging.config import JudgeConfig
-from spgf_torch.judging.rows import PICKED, Chosen
+from spgf_torch.judging.training_rows import PICKED, Chosen
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.settings import plain

@@ -17,8 +17,8 @@ from spgf_torch.cache import Cache
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.own_trials import OwnProvenance, OwnTrials
-from spgf_torch.judging.rows import PICKED, SAMPLED, Bench, Chosen, Rows
-from spgf_torch.judging.trying import tried
+from spgf_torch.judging.resumable_trials import tried
+from spgf_torch.judging.training_rows import PICKED, SAMPLED, Bench, Chosen, Rows
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.hypotheses import Hypotheses, Search

@@ -14,7 +14,7 @@ from torch import Tensor
 from spgf_torch.evaluation.reliability import brier, reliability
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.learning import calibration_of, judge_of, learn_judge
-from spgf_torch.judging.rows import PICKED, SAMPLED, Bench, Rows
+from spgf_torch.judging.training_rows import PICKED, SAMPLED, Bench, Rows
 from spgf_torch.proposing.judge import KNOWN, calibrated
 from spgf_torch.proposing.judge_features import NAMES
 

@@ -13,8 +13,8 @@ from spgf_torch.errors import InputError
 from spgf_torch.files.mesh_files import mesh_arrays
 from spgf_torch.objects.config import CollisionConfig
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.objects.kept_pieces import kept_pieces
 from spgf_torch.objects.mending import mended, open_edges, signed_volume
+from spgf_torch.objects.piece_cache import kept_pieces
 from spgf_torch.objects.shell import PieceCheck
 
 SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from spgf_torch.compiled import compiled
 from spgf_torch.geometry.se3_grid import SE3Grid
-from spgf_torch.ops.library import memory, operator
-from spgf_torch.ops.look_up import NO_POINT, Table, look_up, search
+from spgf_torch.ops.look_up_points import NO_POINT, Table, look_up, search
+from spgf_torch.ops.registration import memory, operator
 from spgf_torch.ops.relative_cells import Features, Grasps, Grid, cells_from, pair_cells, scratch_for
 from spgf_torch.threads import in_parts
 

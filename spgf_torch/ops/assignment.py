@@ -9,7 +9,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from spgf_torch.ops.library import operator
+from spgf_torch.ops.registration import operator
 
 # Distances in memory at once; 4 MB of float32.
 CHUNK = 1 << 20

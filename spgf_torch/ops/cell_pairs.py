@@ -8,7 +8,7 @@ from torch import Tensor
 
 from spgf_torch.compiled import compiled
 from spgf_torch.geometry.se3_grid import SE3Grid
-from spgf_torch.ops.library import operator, unknown_size
+from spgf_torch.ops.registration import operator, unknown_size
 from spgf_torch.ops.relative_cells import Features, Grasps, Grid, cells_from, pair_cells, scratch_for
 from spgf_torch.threads import in_parts
 

@@ -18,9 +18,8 @@ from spgf_torch.ops.alignment import (
     start_at,
     start_at_in_torch,
 )
-from spgf_torch.ops.library import memory, operator
 from spgf_torch.ops.neighbours import Neighbourhoods, NeighbourhoodsInTorch
-from spgf_torch.ops.relations import (
+from spgf_torch.ops.pairwise_relations import (
     Pairs,
     frames_in_torch,
     pairs_in_torch,
@@ -30,6 +29,7 @@ from spgf_torch.ops.relations import (
     relations_in_torch,
     turned,
 )
+from spgf_torch.ops.registration import memory, operator
 from spgf_torch.ops.ring_grid import Ring, rings, rings_in_torch
 from spgf_torch.threads import in_parts, one_thread
 

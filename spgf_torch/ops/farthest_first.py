@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.compiled import compiled
-from spgf_torch.ops.library import memory, operator
+from spgf_torch.ops.registration import memory, operator
 
 
 @operator("farthest_first(Tensor points, Tensor distance, int count) -> Tensor")

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from spgf_torch.compiled import compiled
 from spgf_torch.ops.assignment import chunks, relative_distances
-from spgf_torch.ops.library import operator
+from spgf_torch.ops.registration import operator
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from spgf_torch.compiled import compiled
 from spgf_torch.ops.kmeans import Doubles, Floats, Ids
-from spgf_torch.ops.library import memory, operator
+from spgf_torch.ops.registration import memory, operator
 
 # Points whose distances to a centre are summed up at once: they stay in the first cache.
 BLOCK = 512

@@ -16,7 +16,7 @@ from torch import Tensor
 from spgf_torch.compiled import compiled
 from spgf_torch.ops.assignment import chunks, relative_distances
 from spgf_torch.ops.kmeans import Doubles, Floats, Ids, add_nearest, flat, lloyd_step
-from spgf_torch.ops.library import operator
+from spgf_torch.ops.registration import operator
 from spgf_torch.threads import in_parts, one_thread
 
 # Points that a thread takes at once; sums over points are added up by these parts, whatever the number of threads.

@@ -15,7 +15,6 @@ import torch
 from torch import Tensor
 
 from spgf_torch.geometry.se3_grid import Kernel, SE3Grid
-from spgf_torch.ops.library import memory, operator, unknown_size
 from spgf_torch.ops.neighbourhood_loops import (
     Asked,
     Blocks,
@@ -27,6 +26,7 @@ from spgf_torch.ops.neighbourhood_loops import (
     populated,
     weigh,
 )
+from spgf_torch.ops.registration import memory, operator, unknown_size
 from spgf_torch.threads import in_parts
 
 

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from spgf_torch.compiled import compiled
 from spgf_torch.errors import InputError
-from spgf_torch.ops.library import memory, operator, unknown_size
+from spgf_torch.ops.registration import memory, operator, unknown_size
 
 # Points looked at for the neighbours of one part of the cloud. What is made of a part takes some 1 MB: it stays in the
 # processor's second-level cache, and the next part gets the same memory. A point that alone has more is a part of its

@@ -6,8 +6,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.ops.library import memory, operator
 from spgf_torch.ops.neighbourhood_loops import outcomes
+from spgf_torch.ops.registration import memory, operator
 
 
 @operator("outcome_counts(Tensor partition, Tensor success, int partitions) -> Tensor")

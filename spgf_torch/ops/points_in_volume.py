@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.compiled import compiled
-from spgf_torch.ops.library import memory, operator
+from spgf_torch.ops.registration import memory, operator
 from spgf_torch.threads import in_parts
 
 # Pairs of a grasp and a point that torch looks at together: bounds the memory.

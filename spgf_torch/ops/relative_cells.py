@@ -17,7 +17,7 @@ from torch import Tensor
 from spgf_torch.compiled import compiled
 from spgf_torch.geometry import se3
 from spgf_torch.geometry.se3_grid import SE3Grid
-from spgf_torch.ops.library import memory
+from spgf_torch.ops.registration import memory
 
 # Features x grasps that torch looks at together: bounds the memory.
 TOGETHER = 1 << 21

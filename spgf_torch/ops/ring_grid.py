@@ -18,7 +18,7 @@ from torch import Tensor
 
 from spgf_torch.compiled import compiled
 from spgf_torch.ops.moving_average import averaged, averaged_in_torch
-from spgf_torch.ops.relations import SINGULAR
+from spgf_torch.ops.pairwise_relations import SINGULAR
 
 
 class Ring(NamedTuple):

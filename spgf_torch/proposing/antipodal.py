@@ -13,7 +13,7 @@ from spgf_torch.proposing.clearance import Surroundings
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.hypotheses import Search
 from spgf_torch.proposing.judge_features import NAMES, Seen, in_images, judge_features
-from spgf_torch.proposing.judged import Ranked, best_of
+from spgf_torch.proposing.judge_proposer import Ranked, best_of
 
 # Points between the pads from which on a score counts in full.
 ENOUGH = 12

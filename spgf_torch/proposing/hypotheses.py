@@ -28,7 +28,7 @@ from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.hand_geometry import ClosingRegion, HandGeometry, hand_geometry
-from spgf_torch.proposing.pushing import Pieces, deepest_free, extents, pieces_of
+from spgf_torch.proposing.push_loops import Pieces, deepest_free, extents, pieces_of
 from spgf_torch.proposing.sampling import farthest_point_sampling
 from spgf_torch.sensing.texlets import Texlets
 

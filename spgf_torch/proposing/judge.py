@@ -22,13 +22,13 @@ from safetensors.torch import load, save
 from torch import Tensor
 
 from spgf_torch.errors import InputError
+from spgf_torch.files.digests import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
 from spgf_torch.files.reading import existing, json_values, unreadable
-from spgf_torch.files.sealing import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.judge_features import GEOMETRY, NAMES
-from spgf_torch.proposing.trees import FORMS, Form
+from spgf_torch.proposing.tree_ensembles import FORMS, Form
 from spgf_torch.settings import typed
 
 FORMAT = "spgf_torch judge"

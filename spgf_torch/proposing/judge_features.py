@@ -31,8 +31,8 @@ import torch
 from torch import Tensor
 
 from spgf_torch.proposing.hand_geometry import HandGeometry
+from spgf_torch.proposing.hand_loops import nearest_piece, pad_numbers
 from spgf_torch.proposing.hypotheses import Hypotheses, Search, local, parts
-from spgf_torch.proposing.kernels import nearest_piece, pad_numbers
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.sensing.unseen import DepthView, behind_at, mean_direction
 

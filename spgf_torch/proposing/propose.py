@@ -38,8 +38,8 @@ from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.grasp_seeds import GraspSeeds, grasp_seeds
 from spgf_torch.proposing.hand_geometry import ClosingRegion, closing_region
+from spgf_torch.proposing.judge_influences import Numbers
 from spgf_torch.proposing.sampling import farthest_point_sampling, non_maximum_suppression
-from spgf_torch.proposing.weighing import Numbers
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.settings import typed

@@ -15,8 +15,8 @@ from spgf_torch.features.spgf import Features
 from spgf_torch.prototypes.batches import MiniBatches, check_relations
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import assign, canonical_order, inertia, lloyd, minibatch_step
+from spgf_torch.prototypes.kmeans_search import initial_centres
 from spgf_torch.prototypes.naming import prototype_names
-from spgf_torch.prototypes.search import initial_centres
 from spgf_torch.settings import settings
 from spgf_torch.threads import one_thread
 
@@ -31,8 +31,8 @@ Described = LocalFeatures | Numbers
 class Prototypes:
     """K recurring local shapes: `Prototypes(K).fit(features).predict(others)`.
 
-    The fit is that of `train` (`prototypes.module.fit_prototypes`), without Lightning and its checkpoints: the same
-    features, K, settings and seed give the same prototypes. It is done on the CPU.
+    The fit is that of `train` (`prototypes.lightning_module.fit_prototypes`), without Lightning and its checkpoints: the
+    same features, K, settings and seed give the same prototypes. It is done on the CPU.
 
     Args:
         K: how many prototypes, 1 to 1000; the paper's best is 20.

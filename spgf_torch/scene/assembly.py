@@ -13,19 +13,19 @@ import torch
 from spgf_torch.errors import InputError
 from spgf_torch.scene.cloud import Cloud, checked, vectors, voxel_means
 from spgf_torch.scene.config import SceneConfig
-from spgf_torch.scene.degenerate import why_no_grasp
+from spgf_torch.scene.degenerate_clouds import why_no_grasp
 from spgf_torch.scene.depth_files import is_depth
 from spgf_torch.scene.files import read_clouds
 from spgf_torch.scene.gravity import gravity_of
 from spgf_torch.scene.meshes import as_cloud, is_mesh, sampled, sensed
 from spgf_torch.scene.normals import neighbourhoods, oriented
+from spgf_torch.scene.observed_space import looked_by_cameras, looked_by_clouds, looked_by_images, looked_by_nobody
 from spgf_torch.scene.parts import Around, scene_of_parts, thinned
 from spgf_torch.scene.planes import height
-from spgf_torch.scene.plausible import check_depth_image, size_notes, unusual_depth
 from spgf_torch.scene.scene import Scene
-from spgf_torch.scene.seen import looked_by_cameras, looked_by_clouds, looked_by_images, looked_by_nobody
-from spgf_torch.scene.selection import is_target, table_of, targeted, viewpoints_of
 from spgf_torch.scene.surfaces import stride_of, surfaces
+from spgf_torch.scene.target_selection import is_target, table_of, targeted, viewpoints_of
+from spgf_torch.scene.unit_checks import check_depth_image, size_notes, unusual_depth
 from spgf_torch.scene.viewpoint import ahead_of, check_side, with_viewpoint
 from spgf_torch.scene.views import View, files_of, read_views
 from spgf_torch.sensing.config import SensingConfig

@@ -13,11 +13,11 @@ from spgf_torch.files.ply import read_elements, read_header
 from spgf_torch.files.reading import existing, npy_array, npz_arrays, npz_headers
 from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, check_count, checked, pixels_of
-from spgf_torch.scene.columns import Layout, layout_by_values, named_layout
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.labels import numbered
 from spgf_torch.scene.pcd import read_pcd
-from spgf_torch.scene.tables import TEXT, read_table
+from spgf_torch.scene.text_clouds import TEXT, read_table
+from spgf_torch.scene.text_columns import Layout, layout_by_values, named_layout
 from spgf_torch.scene.views import files_of_marks, labels_of
 
 NUMPY = (".npy", ".npz")

@@ -11,7 +11,7 @@ import numpy as np
 
 from spgf_torch.errors import InputError
 from spgf_torch.objects.scans import METRES
-from spgf_torch.scene.structured import number_array, structured
+from spgf_torch.scene.calibration_files import number_array, structured
 
 _MATRICES = (
     "K", "intrinsic_matrix", "cam_K", "camera_matrix", "k", "intrinsicMatrix", "cameraMatrix", "camera_intrinsics",

@@ -17,7 +17,7 @@ from spgf_torch.scene.cloud import Cloud, check_count, checked
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.files import read_clouds
 from spgf_torch.scene.one_view import seen_from
-from spgf_torch.scene.selection import check_extent
+from spgf_torch.scene.target_selection import check_extent
 from spgf_torch.sensing.cameras import surround
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import observe_views

@@ -12,10 +12,10 @@ from spgf_torch.errors import InputError
 from spgf_torch.scene.borders import cut_borders
 from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.config import SceneConfig
-from spgf_torch.scene.degenerate import flat_hint
+from spgf_torch.scene.degenerate_clouds import flat_hint
 from spgf_torch.scene.gravity import Gravity
+from spgf_torch.scene.observed_space import Looked
 from spgf_torch.scene.scene import Scene
-from spgf_torch.scene.seen import Looked
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.texlets import Texlets, thin
 

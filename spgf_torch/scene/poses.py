@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from spgf_torch.errors import InputError
-from spgf_torch.scene.structured import number_array, structured
+from spgf_torch.scene.calibration_files import number_array, structured
 
 # Of a rotation matrix or a quaternion that was written with few digits.
 _RIGID = 1e-3

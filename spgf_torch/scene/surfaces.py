@@ -10,7 +10,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.scene.cloud import Cloud, voxel_means
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.depth import every, learned_stride, pixel_points, surface
-from spgf_torch.scene.selection import crop_box, within
+from spgf_torch.scene.target_selection import crop_box, within
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.config import SensingConfig
 

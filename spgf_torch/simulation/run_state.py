@@ -21,8 +21,8 @@ from typing import Any
 
 from spgf_torch.cache import fingerprint
 from spgf_torch.errors import InputError
+from spgf_torch.files.digests import sealed_json
 from spgf_torch.files.reading import json_values
-from spgf_torch.files.sealing import sealed_json
 from spgf_torch.files.writing import parts_in, sync, write_bytes
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.simulation.table import OUTCOMES, Provenance, compare

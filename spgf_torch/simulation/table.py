@@ -22,10 +22,10 @@ import torch
 from torch import Tensor
 
 from spgf_torch.errors import InputError
+from spgf_torch.files.digests import BLANK, check_seal, sealed
+from spgf_torch.files.digests import KEY as SEAL
 from spgf_torch.files.parquet import parquet_table
 from spgf_torch.files.reading import existing, json_of, unreadable
-from spgf_torch.files.sealing import BLANK, check_seal, sealed
-from spgf_torch.files.sealing import KEY as SEAL
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.geometry import se3
 from spgf_torch.hands.config import GRASP_TYPES

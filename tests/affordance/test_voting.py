@@ -14,7 +14,7 @@ from spgf_torch.affordance.voting import VotingIndex, cast_votes, vote_totals
 from spgf_torch.geometry import se3
 from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.ops.cell_pairs import cell_pairs
-from spgf_torch.ops.look_up import NO_POINT
+from spgf_torch.ops.look_up_points import NO_POINT
 from spgf_torch.settings import settings
 
 GRID = SE3Grid(reach=0.05, voxel=0.012, rotation_deg=45.0)

@@ -23,8 +23,8 @@ from spgf_torch.baselines.folds import (
     run_folds,
     scores,
 )
-from spgf_torch.baselines.module import GraspClassifier
-from spgf_torch.baselines.work import claimed, hand_over
+from spgf_torch.baselines.lightning_module import GraspClassifier
+from spgf_torch.baselines.work_folder import claimed, hand_over
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.described_object import sample_of_each_type
 from spgf_torch.extras import installed

@@ -32,7 +32,7 @@ from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.hypotheses import Search
 from spgf_torch.proposing.judge import Judge, load_judge
 from spgf_torch.proposing.judge_features import in_images, judge_features
-from spgf_torch.proposing.judged import best_of, ranked
+from spgf_torch.proposing.judge_proposer import best_of, ranked
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings, typed
 

@@ -26,7 +26,7 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import spgf
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import assign, inertia
-from spgf_torch.prototypes.module import fit_prototypes
+from spgf_torch.prototypes.lightning_module import fit_prototypes
 from spgf_torch.settings import settings
 
 ROUNDS = 5

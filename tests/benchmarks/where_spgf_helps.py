@@ -32,7 +32,7 @@ from spgf_torch.evaluation.folds import stratified_order
 from spgf_torch.judging.learning import fit, weights
 from spgf_torch.paths import find
 from spgf_torch.progress import ProgressReporter
-from spgf_torch.proposing.trees import Form
+from spgf_torch.proposing.tree_ensembles import Form
 
 # Name -> what a judge gets beside its own numbers, and what it is compared with: the judge, and controls without SPGF.
 SETS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {

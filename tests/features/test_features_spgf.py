@@ -12,7 +12,7 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import Features, spgf
 from spgf_torch.geometry import se3
 from spgf_torch.ops import describe, neighbours
-from spgf_torch.ops.relations import reference_frames, turned
+from spgf_torch.ops.pairwise_relations import reference_frames, turned
 from spgf_torch.settings import settings
 
 RIGHT = math.pi / 2

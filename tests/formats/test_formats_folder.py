@@ -10,7 +10,7 @@ import pytest
 from small_trials import refusal
 
 from spgf_torch.errors import InputError
-from spgf_torch.files.sealing import sealed_json
+from spgf_torch.files.digests import sealed_json
 from spgf_torch.formats import folder
 from spgf_torch.formats.card import CARD, checksums
 from spgf_torch.formats.folder import check_out, replacing
@@ -58,7 +58,7 @@ def test_what_fails_leaves_the_old_one(tmp_path: Path) -> None:
 KILLED = """
 import os, pathlib, signal, sys
 from spgf_torch.formats import card, folder
-from spgf_torch.files.sealing import sealed_json
+from spgf_torch.files.digests import sealed_json
 out, when = pathlib.Path(sys.argv[1]), sys.argv[2]
 kill = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
 if when == "flushing": folder._flush = kill

@@ -18,11 +18,11 @@ sys.path.append(str(ROOT / "tests/reporting"))
 from report_runs import tiny_model, train_config, write_run  # noqa: E402
 
 from spgf_torch.affordance.model import load_model, save_model  # noqa: E402
-from spgf_torch.baselines.kept import read_checkpoint, read_tensors, write_checkpoint, write_tensors  # noqa: E402
+from spgf_torch.baselines.checkpoints import read_checkpoint, read_tensors, write_checkpoint, write_tensors  # noqa: E402
 from spgf_torch.errors import InputError  # noqa: E402
 from spgf_torch.experiment.held_out import load_fold_models  # noqa: E402
 from spgf_torch.experiment.labelled_grasps import _made_with  # noqa: E402
-from spgf_torch.files.sealing import SUMS, sealed_json, sealed_yaml  # noqa: E402
+from spgf_torch.files.digests import SUMS, sealed_json, sealed_yaml  # noqa: E402
 from spgf_torch.formats.card import CARD, check_card, checksums  # noqa: E402
 from spgf_torch.reporting.data.predictions import predictions_of  # noqa: E402
 from spgf_torch.reporting.data.runs import read_per_object, read_run  # noqa: E402

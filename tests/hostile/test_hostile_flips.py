@@ -9,10 +9,10 @@ import flips
 import pytest
 from flips import ROOT, accepted, kinds, sums_accepted
 
-import spgf_torch.files.sealing as sealing
+import spgf_torch.files.digests as sealing
 from spgf_torch.affordance.model import load_model
 from spgf_torch.errors import InputError
-from spgf_torch.files.sealing import BLANK, KEY, MARK, SUMS, check_seal, sealed, sealed_json
+from spgf_torch.files.digests import BLANK, KEY, MARK, SUMS, check_seal, sealed, sealed_json
 from spgf_torch.simulation.table import read_table
 
 NAMES = (

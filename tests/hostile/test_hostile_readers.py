@@ -17,10 +17,10 @@ import pytest
 from hostile import bounded, tree
 
 from spgf_torch.errors import InputError
+from spgf_torch.files.digests import sealed_json
 from spgf_torch.files.mesh_files import mesh_arrays
 from spgf_torch.files.parquet import parquet_table
 from spgf_torch.files.reading import npy_array, npz_arrays, xml_root, yaml_values
-from spgf_torch.files.sealing import sealed_json
 from spgf_torch.formats.acronym import read_acronym
 from spgf_torch.formats.card import check_card
 from spgf_torch.formats.graspgen import read_graspgen, read_gripper

@@ -17,7 +17,7 @@ sys.path.append(str(Path(__file__).parents[1] / "reporting"))
 from report_runs import rewritten, write_run
 
 from spgf_torch.errors import InputError
-from spgf_torch.files.sealing import KEY, sealed_json
+from spgf_torch.files.digests import KEY, sealed_json
 from spgf_torch.reporting.data.predictions import predictions_of
 from spgf_torch.reporting.data.runs import Notes, load_runs, read_per_object
 

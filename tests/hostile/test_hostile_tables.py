@@ -16,7 +16,7 @@ from hostile import ROOT, Case, Write, as_json, model_document, nothing, raw, re
 from safetensors.torch import save_file
 
 from spgf_torch.affordance.calibration import NUMBERS
-from spgf_torch.files.sealing import BLANK
+from spgf_torch.files.digests import BLANK
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.settings import settings

@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.judging.config import JudgeConfig, TreesConfig
 from spgf_torch.judging.learning import learn_judge
-from spgf_torch.judging.rows import Rows
+from spgf_torch.judging.training_rows import Rows
 from spgf_torch.paths import find
 from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.judge import Judge, save_judge

@@ -31,7 +31,7 @@ from spgf_torch.predictor import Predictor
 from spgf_torch.proposing.judge import load_judge
 from spgf_torch.proposing.judge_features import NAMES as NUMBERS
 from spgf_torch.proposing.judge_features import Seen, judge_features
-from spgf_torch.proposing.judged import JudgedProposer
+from spgf_torch.proposing.judge_proposer import JudgedProposer
 from spgf_torch.scene.config import PredictConfig
 from spgf_torch.scene.depth import pixel_points
 from spgf_torch.scene.scene import Scene

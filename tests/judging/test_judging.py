@@ -19,12 +19,12 @@ from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.judge import run as learn
 from spgf_torch.judging.clouds import seen_as, training_clouds
+from spgf_torch.judging.collision_survey import survey
 from spgf_torch.judging.config import JudgeConfig
-from spgf_torch.judging.fitting import fits
+from spgf_torch.judging.objects_that_fit import fits
+from spgf_torch.judging.resumable_trials import KIND, tried
 from spgf_torch.judging.rounds import choose
-from spgf_torch.judging.rows import PICKED, Bench, Chosen, Rows
-from spgf_torch.judging.survey import survey
-from spgf_torch.judging.trying import KIND, tried
+from spgf_torch.judging.training_rows import PICKED, Bench, Chosen, Rows
 from spgf_torch.judging.validation import auc, calibrated_elsewhere, executed
 from spgf_torch.objects.library import load_objects
 from spgf_torch.proposing.antipodal import antipodal, antipodal_score
@@ -109,7 +109,9 @@ def test_the_same_call_gives_the_same_judge_and_tries_nothing_again(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(place)
-    monkeypatch.setattr("spgf_torch.judging.trying.execute", lambda requests, *rest: iter([0 for _ in requests]))
+    monkeypatch.setattr(
+        "spgf_torch.judging.resumable_trials.execute", lambda requests, *rest: iter([0 for _ in requests])
+    )
     Path("again").mkdir()
     learn(config("objects=objects"), Path("again"))
     run = Path("outputs/judge/latest")
@@ -196,7 +198,7 @@ def test_trials_that_have_ended_are_kept(tmp_path: Path, monkeypatch: pytest.Mon
             if len(asked) == 1:
                 raise KeyboardInterrupt
 
-    monkeypatch.setattr("spgf_torch.judging.trying.execute", fake)
+    monkeypatch.setattr("spgf_torch.judging.resumable_trials.execute", fake)
     cache = Cache(tmp_path)
     with pytest.raises(KeyboardInterrupt):
         tried(requests, trials, InlineExecutor, cache)

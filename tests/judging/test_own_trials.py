@@ -16,8 +16,8 @@ from spgf_torch.geometry.se3 import random_poses
 from spgf_torch.judge import run as learn
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.own_trials import CHOICE, OwnProvenance, OwnTrials, read_own, write_own
-from spgf_torch.judging.rows import PICKED, Chosen
 from spgf_torch.judging.settings import judge_settings
+from spgf_torch.judging.training_rows import PICKED, Chosen
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.settings import plain, typed
 from spgf_torch.simulation import executors
@@ -99,7 +99,7 @@ def test_a_judge_from_tables_is_that_of_the_run_to_the_bit(tmp_path: Path, monke
     for run in ("first", "second"):
         Path(run).mkdir()
     learn(config(*few), Path("first"))
-    monkeypatch.setattr("spgf_torch.judging.trying.execute", None)
+    monkeypatch.setattr("spgf_torch.judging.resumable_trials.execute", None)
     learn(config(*few, "trials=first/trials", "own_trials=first/own_trials"), Path("second"))
     assert {path.name for path in Path("second").iterdir()} == {"judge.json", "judge.safetensors", "README.md"}
     for name in ("judge.json", "judge.safetensors", "README.md"):

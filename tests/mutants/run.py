@@ -47,9 +47,13 @@ LEARNER = ["affordance", "experiment/test_leakage.py", "experiment/test_golden.p
 NEAREST = {
     "features/": ["features"],
     "ops/": ["ops", "features", "prototypes", "affordance"],
-    **dict.fromkeys(("ops/assignment", "ops/kmeans", "ops/lloyd", "ops/partition"), CLUSTERS),
-    **dict.fromkeys(("ops/accumulate", "ops/cell_pairs", "ops/look_up", "ops/neighbourhood_", "ops/relative"), CELLS),
-    **dict.fromkeys(("ops/alignment", "ops/describe", "ops/moving", "ops/relations", "ops/ring_grid"), FEATURES),
+    **dict.fromkeys(("ops/assignment", "ops/kmeans", "ops/lloyd", "ops/kmeans_partition"), CLUSTERS),
+    **dict.fromkeys(
+        ("ops/accumulate", "ops/cell_pairs", "ops/look_up_points", "ops/neighbourhood_", "ops/relative"), CELLS
+    ),
+    **dict.fromkeys(
+        ("ops/alignment", "ops/describe", "ops/moving", "ops/pairwise_relations", "ops/ring_grid"), FEATURES
+    ),
     "ops/neighbours": ["ops/test_ops_neighbours.py", "ops/test_ops.py", "features"],
     "ops/points_in_volume": ["affordance/test_sensed_collision.py", "ops/test_ops.py", "proposing"],
     "ops/farthest_first": ["proposing/test_proposing_sampling.py", "ops/test_ops.py"],

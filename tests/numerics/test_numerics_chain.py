@@ -21,7 +21,7 @@ from spgf_torch.geometry import se3
 from spgf_torch.proposing.propose import Proposals, Proposer
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import assign
-from spgf_torch.prototypes.module import fit_prototypes
+from spgf_torch.prototypes.lightning_module import fit_prototypes
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.settings import settings
 

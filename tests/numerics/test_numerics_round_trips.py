@@ -21,7 +21,7 @@ from spgf_torch.scene.intrinsics import read_intrinsics
 from spgf_torch.scene.normals import neighbourhoods
 from spgf_torch.scene.planes import height
 from spgf_torch.scene.poses import read_poses
-from spgf_torch.scene.table import find_plane
+from spgf_torch.scene.support_plane import find_plane
 from spgf_torch.settings import settings as room
 from spgf_torch.simulation.table import KEY, Origin, TrialTable, read_table, write_table
 

@@ -14,7 +14,7 @@ from spgf_torch.cli.command import slug
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.hands.config import HandConfig
-from spgf_torch.objects import kept_pieces
+from spgf_torch.objects import piece_cache
 from spgf_torch.objects.config import CLASSES, CollisionConfig, ObjectsConfig
 from spgf_torch.objects.folders import Objects, read_objects
 from spgf_torch.objects.layouts import recognise
@@ -228,7 +228,7 @@ def test_collision_pieces_are_cut_once(tmp_path: Path, monkeypatch: pytest.Monke
     lay(tmp_path / "meshes", "a.ply")
     kept = Cache(tmp_path / "cache")
     first, plain = read(tmp_path / "meshes", cache=kept), read(tmp_path / "meshes")
-    monkeypatch.setattr(kept_pieces, "collision_pieces", None)
+    monkeypatch.setattr(piece_cache, "collision_pieces", None)
     again = read(tmp_path / "meshes", cache=kept)
     assert first.objects[0].digest == again.objects[0].digest == plain.objects[0].digest
     assert first.scans[0].check == again.scans[0].check == plain.scans[0].check

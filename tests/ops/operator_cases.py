@@ -7,7 +7,7 @@ from spgf_torch.geometry import se3
 from spgf_torch.geometry.se3_grid import SE3Grid, gaussian_kernel
 from spgf_torch.ops.accumulate_votes import Candidates, Voters
 from spgf_torch.ops.kmeans_start import Weighted
-from spgf_torch.ops.look_up import Table
+from spgf_torch.ops.look_up_points import Table
 from spgf_torch.ops.neighbourhood_analysis import Queries, Space, Weights
 from spgf_torch.ops.neighbourhood_analysis import populate as populate_operator
 from spgf_torch.ops.ring_grid import Ring

@@ -13,7 +13,7 @@ from torch import Tensor
 import spgf_torch
 from spgf_torch import ops
 from spgf_torch.errors import InputError
-from spgf_torch.ops.library import OPERATORS, compiled_wanted
+from spgf_torch.ops.registration import OPERATORS, compiled_wanted
 
 for module in pkgutil.iter_modules(ops.__path__):
     importlib.import_module(f"spgf_torch.ops.{module.name}")

@@ -10,15 +10,15 @@ import torch
 from sklearn.ensemble import HistGradientBoostingClassifier
 
 from spgf_torch.errors import InputError
-from spgf_torch.files.sealing import KEY, sealed_json
+from spgf_torch.files.digests import KEY, sealed_json
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.judging.config import JudgeConfig, TreesConfig
 from spgf_torch.judging.learning import fit, learn_judge, quantiles, trees_of, weights
-from spgf_torch.judging.rows import Rows
+from spgf_torch.judging.training_rows import Rows
 from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.judge import Judge, load_judge, save_judge
 from spgf_torch.proposing.judge_features import GEOMETRY, NAMES
-from spgf_torch.proposing.trees import Logistic, Trees
+from spgf_torch.proposing.tree_ensembles import Logistic, Trees
 from spgf_torch.settings import plain, settings
 from spgf_torch.simulation.table import OUTCOMES
 

@@ -9,7 +9,7 @@ from spgf_torch.features.estimator import SPGF
 from spgf_torch.features.interface import VectorFeatures
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.estimator import NOTHING, Prototypes
-from spgf_torch.prototypes.module import fit_prototypes
+from spgf_torch.prototypes.lightning_module import fit_prototypes
 from spgf_torch.settings import settings
 
 QUICK = {"restarts": 2, "subsample": 200, "batch_size": 64, "epochs": 2}

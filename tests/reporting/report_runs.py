@@ -19,7 +19,7 @@ from spgf_torch.evaluation.files import FILES, RESULTS, write_per_object, write_
 from spgf_torch.evaluation.predictions import Predictions, write_predictions
 from spgf_torch.evaluation.results import build_results
 from spgf_torch.experiment.config import TrainConfig
-from spgf_torch.files.sealing import KEY
+from spgf_torch.files.digests import KEY
 from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.settings import plain, typed
 

@@ -14,7 +14,7 @@ from spgf_torch.scene.assembly import read_scene, scene_of_views, texlets_of
 from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.scene import Scene
-from spgf_torch.scene.selection import check_extent
+from spgf_torch.scene.target_selection import check_extent
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, surround
 from spgf_torch.sensing.config import SensingConfig

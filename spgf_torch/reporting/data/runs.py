@@ -16,8 +16,8 @@ from spgf_torch.evaluation.results import read_results
 from spgf_torch.evaluation.success import TYPES, Rates
 from spgf_torch.files.checks import name as checked_name
 from spgf_torch.files.checks import number
+from spgf_torch.files.digests import digest_of
 from spgf_torch.files.reading import existing, yaml_values
-from spgf_torch.files.sealing import digest_of
 from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.config import CLASSES
 from spgf_torch.paths import find

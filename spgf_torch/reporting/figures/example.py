@@ -11,7 +11,7 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import Features
 from spgf_torch.ops.alignment import highest_curvature
 from spgf_torch.ops.moving_average import averaged, triangle
-from spgf_torch.ops.relations import Pairs, pairs_of, reference_frames, relations
+from spgf_torch.ops.pairwise_relations import Pairs, pairs_of, reference_frames, relations
 from spgf_torch.ops.ring_grid import Ring, organised
 from spgf_torch.reporting.figures.pieces import View
 from spgf_torch.sensing.texlets import Texlets

@@ -14,7 +14,7 @@ from shared.paired import words
 from shared.spgf_numbers import Described, with_hands
 from shared.tried_rows import Tried
 from shared.votes_beside import beyond_geometry, examples, proposer_of
-from spgf_torch.judging.rows import COLLISION, SUCCESS
+from spgf_torch.judging.training_rows import COLLISION, SUCCESS
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.proposing.judge_features import judge_features
 from spgf_torch.proposing.sampling import non_maximum_suppression

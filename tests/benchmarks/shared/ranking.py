@@ -23,7 +23,7 @@ from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import in_images
-from spgf_torch.proposing.judged import Ranked, ranked
+from spgf_torch.proposing.judge_proposer import Ranked, ranked
 from spgf_torch.proposing.propose import Proposer
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings, typed

@@ -14,7 +14,7 @@ from shared.tried_rows import Tried
 from spgf_torch.experiment.learning import PrototypeFit
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor
-from spgf_torch.judging.rows import Bench
+from spgf_torch.judging.training_rows import Bench
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import assign

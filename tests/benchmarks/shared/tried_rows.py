@@ -19,9 +19,9 @@ from spgf_torch.hands.hand import load_hand
 from spgf_torch.judging.clouds import training_clouds
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.learning import judge_of, learn_judge
+from spgf_torch.judging.resumable_trials import tried
 from spgf_torch.judging.rounds import choose
-from spgf_torch.judging.rows import SAMPLED, SUCCESS, Bench, Chosen, Rows
-from spgf_torch.judging.trying import tried
+from spgf_torch.judging.training_rows import SAMPLED, SUCCESS, Bench, Chosen, Rows
 from spgf_torch.objects.folders import read_objects
 from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.proposing.clearance import Clearance

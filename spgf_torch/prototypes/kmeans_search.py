@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from spgf_torch.ops.kmeans import Doubles, Floats, Ids, member_sums
+from spgf_torch.ops.kmeans_partition import partition
 from spgf_torch.ops.kmeans_start import Weighted, settle
-from spgf_torch.ops.partition import partition
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import kmeans_plusplus
 

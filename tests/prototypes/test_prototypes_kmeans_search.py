@@ -8,7 +8,7 @@ from torch import Tensor
 from spgf_torch.ops.kmeans_start import Weighted, settle
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import inertia, lloyd
-from spgf_torch.prototypes.search import (
+from spgf_torch.prototypes.kmeans_search import (
     AXES_FROM,
     Settled,
     Summary,

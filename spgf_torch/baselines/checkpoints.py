@@ -14,8 +14,8 @@ from safetensors.torch import load_file, save
 from torch import Tensor
 
 from spgf_torch.errors import InputError
+from spgf_torch.files.digests import BLANK, KEY, check_seal, sealed
 from spgf_torch.files.reading import existing, unreadable
-from spgf_torch.files.sealing import BLANK, KEY, check_seal, sealed
 from spgf_torch.files.writing import write_bytes
 
 AGAIN = "remove it, and its fold is learned again"

@@ -25,7 +25,7 @@ from torch import Tensor
 from spgf_torch.prototypes.batches import MiniBatches, check_relations
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import canonical_order, lloyd, minibatch_step
-from spgf_torch.prototypes.search import initial_centres
+from spgf_torch.prototypes.kmeans_search import initial_centres
 from spgf_torch.settings import plain
 from spgf_torch.threads import one_thread
 

@@ -11,7 +11,7 @@ from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.hands.hand import Hand
 from spgf_torch.judging.clouds import Cloud, further_clouds
 from spgf_torch.judging.config import JudgeConfig
-from spgf_torch.judging.rows import COLLISION, SURVEYED, UNTRIED, Bench, Rows
+from spgf_torch.judging.training_rows import COLLISION, SURVEYED, UNTRIED, Bench, Rows
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge_features import in_images, judge_features
 from spgf_torch.simulation.precheck import PreCheck

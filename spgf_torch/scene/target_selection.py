@@ -13,7 +13,7 @@ from spgf_torch.scene.cloud import Cloud, vectors
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.gravity import AUTO, Gravity, gravity_of
 from spgf_torch.scene.planes import best_plane, given_plane, height
-from spgf_torch.scene.table import FoundTable, find_table
+from spgf_torch.scene.support_plane import FoundTable, find_table
 from spgf_torch.scene.viewpoint import ahead_of
 
 # Extents of a cloud from the origin to it; a cloud further off has coordinates of a map, which no other unit mends.

@@ -10,7 +10,7 @@ from spgf_torch.scene.assembly import scene_of_clouds
 from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.planes import given_plane, height
-from spgf_torch.scene.table import find_plane, find_table
+from spgf_torch.scene.support_plane import find_plane, find_table
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings
 

@@ -16,18 +16,18 @@ from spgf_torch.cache import Cache
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.experiment.labelled_grasps import open_hand, tables_of
-from spgf_torch.files.sealing import sealed_yaml
+from spgf_torch.files.digests import sealed_yaml
 from spgf_torch.files.writing import write_bytes, write_text
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.judging.card import judge_card
 from spgf_torch.judging.clouds import training_clouds
+from spgf_torch.judging.collision_survey import survey
 from spgf_torch.judging.config import JudgeConfig
-from spgf_torch.judging.fitting import fits
 from spgf_torch.judging.learning import calibration_of, judge_of, learn_judge
+from spgf_torch.judging.objects_that_fit import fits
 from spgf_torch.judging.own_trials import OwnProvenance, OwnTrials, read_own, write_own
 from spgf_torch.judging.rounds import Workshop, own_round, own_rows, random_rows, random_tables
-from spgf_torch.judging.rows import Bench, Rows
-from spgf_torch.judging.survey import survey
+from spgf_torch.judging.training_rows import Bench, Rows
 from spgf_torch.judging.validation import cross_validated, executed, validation_rows
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find

@@ -10,7 +10,7 @@ from spgf_torch.predictor import block
 from spgf_torch.proposing.clearance import Clearance, Plane, Surroundings
 from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.hypotheses import PLACES, Search, frames, local, moved, places, profile
-from spgf_torch.proposing.pushing import CELL, ROOM, pieces_of
+from spgf_torch.proposing.push_loops import CELL, ROOM, pieces_of
 from spgf_torch.settings import settings
 
 CONFIG = settings(HypothesesConfig, seeds=4, hypotheses=100_000)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from spgf_torch.hands.config import GRASP_TYPES
-from spgf_torch.proposing.weighing import Weight
+from spgf_torch.proposing.judge_influences import Weight
 
 SHOWN = 3  # numbers that are shown of a grasp
 # Name of a number (`judge_features`) -> words, how it is printed and what it is multiplied by before.

@@ -10,7 +10,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.depth import pixel_points
-from spgf_torch.scene.plausible import check_depth_image, size_notes
+from spgf_torch.scene.unit_checks import check_depth_image, size_notes
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
 from spgf_torch.sensing.config import SensingConfig

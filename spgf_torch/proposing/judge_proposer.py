@@ -18,9 +18,9 @@ from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import Seen, in_images, judge_features
+from spgf_torch.proposing.judge_influences import Numbers
 from spgf_torch.proposing.propose import NOTHING, Pool, Proposals, Proposer, votes_by_prototype
 from spgf_torch.proposing.sampling import non_maximum_suppression
-from spgf_torch.proposing.weighing import Numbers
 
 
 @dataclass(frozen=True)

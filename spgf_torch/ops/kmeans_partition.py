@@ -10,7 +10,7 @@ from torch import Tensor
 
 from spgf_torch.compiled import compiled
 from spgf_torch.ops.kmeans import Floats, Ids
-from spgf_torch.ops.library import memory, operator
+from spgf_torch.ops.registration import memory, operator
 
 
 @operator("partition(Tensor points, int most) -> Tensor")

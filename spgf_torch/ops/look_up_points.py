@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.compiled import compiled
-from spgf_torch.ops.library import memory, operator
+from spgf_torch.ops.registration import memory, operator
 from spgf_torch.threads import in_parts
 
 NO_POINT = -1

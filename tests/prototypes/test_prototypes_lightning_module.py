@@ -13,10 +13,10 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import spgf
 from spgf_torch.objects.library import load_objects
 from spgf_torch.paths import root
-from spgf_torch.prototypes import module
+from spgf_torch.prototypes import lightning_module as module
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import assign, inertia
-from spgf_torch.prototypes.module import CHECKPOINT, MiniBatches, MiniBatchKMeans, fit_prototypes
+from spgf_torch.prototypes.lightning_module import CHECKPOINT, MiniBatches, MiniBatchKMeans, fit_prototypes
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import sense
 from spgf_torch.settings import settings

@@ -5,11 +5,11 @@ import math
 import pytest
 import torch
 
-from spgf_torch.drawing.weighed_words import weighed_words
+from spgf_torch.drawing.judge_words import weighed_words
 from spgf_torch.proposing.judge import KNOWN, Judge
 from spgf_torch.proposing.judge_features import NAMES
-from spgf_torch.proposing.trees import Logistic
-from spgf_torch.proposing.weighing import Numbers, Weight, weighed
+from spgf_torch.proposing.judge_influences import Numbers, Weight, weighed
+from spgf_torch.proposing.tree_ensembles import Logistic
 
 
 def form(weights: dict[str, float], baseline: float, names: tuple[str, ...]) -> Logistic:

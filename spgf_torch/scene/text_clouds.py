@@ -13,7 +13,7 @@ import numpy as np
 from spgf_torch.errors import InputError
 from spgf_torch.files.reading import reason
 from spgf_torch.scene.cloud import Cloud, check_count
-from spgf_torch.scene.columns import MOST_COLUMNS, Layout, layout_by_values, named_layout, plain_name
+from spgf_torch.scene.text_columns import MOST_COLUMNS, Layout, layout_by_values, named_layout, plain_name
 
 TEXT = (".xyz", ".xyzn", ".xyzrgb", ".txt", ".csv", ".tsv", ".asc", ".pts")
 _COMMENTS = ("#", "//")

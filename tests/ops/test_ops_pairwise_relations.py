@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from spgf_torch.ops import relations as loops
-from spgf_torch.ops.relations import Pairs, turned
+from spgf_torch.ops import pairwise_relations as loops
+from spgf_torch.ops.pairwise_relations import Pairs, turned
 
 unit = torch.nn.functional.normalize
 SEEN = torch.eye(3, dtype=torch.float64)[None]  # a frame along the axes

@@ -11,7 +11,7 @@ from spgf_torch.geometry.principal import principal_axes
 from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.depth import pixel_points
 from spgf_torch.scene.outline import straight_borders
-from spgf_torch.scene.selection import is_target, viewpoints_of
+from spgf_torch.scene.target_selection import is_target, viewpoints_of
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.cloud_view import seen_by, view_of_points
 from spgf_torch.sensing.unseen import DepthView
