@@ -42,7 +42,7 @@ def run(config: BaselineConfig, folder: Path) -> None:
     with claimed(Path(config.checkpoints).expanduser(), provenance) as work:
         logits = run_folds(data, config, work, provenance, stages)
         predictions = predictions_of(data, logits, config.N)
-        described: Any = SimpleNamespace(**vars(config), K=NO_PROTOTYPES)
+        described: Any = SimpleNamespace(**vars(config), K=NO_PROTOTYPES, classwise=False)
         results = build_results(predictions, described, data.digest)
         results["costs"] = costs(data, logits, config, work, stages.seconds["reading"])
         write_per_object(folder / "per_object.csv", predictions, config.N)

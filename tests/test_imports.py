@@ -24,7 +24,7 @@ LIGHT = (
     "ops.neighbours",
     "features.spgf",
     "prototypes.kmeans",
-    "prototypes.search",
+    "prototypes.kmeans_search",
     "affordance.voting",
 )
 

@@ -405,7 +405,7 @@ def test_points_that_would_not_be_found_are_refused(model: affordance.GraspModel
 
 
 def test_tensors_of_other_shapes_or_types_are_refused(model: affordance.GraspModel, tmp_path: Path) -> None:
-    condensed, weights = model.condensed, model.calibration.weights
+    condensed, numbers = model.condensed, model.calibration.numbers
     points, K = len(condensed.cell), len(model.centres)
     for name, tensor, words in (
         ("partition_start", condensed.partition_start[1:], "expected slice_start of shape (9,), got (8,)"),
@@ -418,8 +418,8 @@ def test_tensors_of_other_shapes_or_types_are_refused(model: affordance.GraspMod
         assert refusal(other, tmp_path).endswith(words)
     narrow = replace(model, centres=torch.rand(K, 143))
     assert refusal(narrow, tmp_path).endswith(f"expected centres of shape (K, 144), got ({K}, 143)")
-    flat = replace(model, calibration=replace(model.calibration, weights=weights[:, :3]))
-    assert refusal(flat, tmp_path).endswith("expected calibration of shape (2, 4), got (2, 3)")
+    flat = replace(model, calibration=replace(model.calibration, numbers=numbers[:, :3]))
+    assert refusal(flat, tmp_path).endswith("expected calibration of shape (2, 5), got (2, 3)")
 
 
 def test_a_lattice_of_other_settings_is_refused(model: affordance.GraspModel, tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from spgf_torch.scene.planes import height
 from spgf_torch.scene.poses import read_poses
 from spgf_torch.scene.support_plane import find_plane
 from spgf_torch.settings import settings as room
-from spgf_torch.simulation.table import KEY, Origin, TrialTable, read_table, write_table
+from spgf_torch.simulation.table import KEY, Provenance, TrialTable, read_table, write_table
 
 FEW = settings(max_examples=15, deadline=None, derandomize=True, database=None)
 metres = st.floats(-5, 5, allow_subnormal=False)
@@ -120,7 +120,7 @@ def test_trial_tables(rows: int, seed: int, name: str) -> None:
     """Bits in, bits out; and what is read and written again is the same table."""
     generator = torch.Generator().manual_seed(seed)
     T = se3.random_poses(2 * rows, generator)
-    origin = Origin(name, "0" * 64, "1" * 64, {"jitter": 0.1}, {"dt": 0.002}, rows, seed)
+    origin = Provenance(name, "0" * 64, "1" * 64, {"jitter": 0.1}, {"dt": 0.002}, rows, seed)
     outcome = torch.randint(6, (2 * rows,), generator=generator)
     made = TrialTable(
         origin, se3.position_of(T), se3.quaternion_of(T), torch.arange(2 * rows) % 2, outcome, {"sapien": "3"}
@@ -171,7 +171,7 @@ def test_neighbours_of_few_points(cloud: np.ndarray) -> None:
 
 def test_a_table_in_other_columns_order_is_the_same(tmp_path: Path) -> None:
     T = se3.random_poses(4, torch.Generator().manual_seed(0))
-    origin = Origin("a", "0", "1", {}, {}, 2, 0)
+    origin = Provenance("a", "0", "1", {}, {}, 2, 0)
     made = TrialTable(origin, se3.position_of(T), se3.quaternion_of(T), torch.arange(4) % 2, torch.arange(4), {})
     write_table(tmp_path / "a.parquet", made)
     table = pq.read_table(tmp_path / "a.parquet")
