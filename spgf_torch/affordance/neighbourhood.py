@@ -28,24 +28,20 @@ from spgf_torch.ops.outcome_counts import outcome_counts as outcomes_of_partitio
 
 @dataclass(frozen=True)
 class ShapeGraspSpace:
-    """The space as groups of objects populate it: what one group says can be left out.
+    """The space as the particles of objects populate it.
 
     Attributes:
         particles: ordered for the analysis.
-        groups: how many.
     """
 
     particles: Space
-    groups: int
 
     @staticmethod
-    def of(groups: Sequence[Sequence[Particles]], prototypes: int, grid: SE3Grid) -> ShapeGraspSpace:
-        """The space of groups of objects, given the particles of each object."""
-        parts = [part for group in groups for part in group]
+    def of(parts: Sequence[Particles], prototypes: int, grid: SE3Grid) -> ShapeGraspSpace:
+        """The space of objects, given the particles of each."""
         partition, cell = [part.partition for part in parts], [part.cell for part in parts]
-        success = [known_outcomes(part.success) for part in parts]
-        sizes, partitions = [len(group) for group in groups], prototypes * len(GRASP_TYPES)
-        return ShapeGraspSpace(Space(*populate(partition, cell, success, sizes, partitions, grid.numbers)), len(groups))
+        success, partitions = [known_outcomes(part.success) for part in parts], prototypes * len(GRASP_TYPES)
+        return ShapeGraspSpace(Space(*populate(partition, cell, success, partitions, grid.numbers)))
 
 
 @dataclass(frozen=True)
@@ -67,14 +63,10 @@ class Counts:
         return [Counts(*part) for part in zip(*columns, strict=True)]
 
 
-def analyse(space: ShapeGraspSpace, points: Particles, excluded_group: Tensor, grid: SE3Grid, kernel: Kernel) -> Counts:
-    """The neighbourhood analysis at points (Q,), whatever their outcomes, in any order, repeats welcome.
-
-    Args:
-        excluded_group (Q,) int64: its particles are left out for this point; the number of groups for none.
-    """
-    queries, weights = Queries(points.partition, points.cell, excluded_group), Weights.of(kernel, points.cell.device)
-    return Counts(*counts_around(space.particles, space.groups, queries, weights, grid.numbers).unbind(1))
+def analyse(space: ShapeGraspSpace, points: Particles, grid: SE3Grid, kernel: Kernel) -> Counts:
+    """The neighbourhood analysis at points (Q,), whatever their outcomes, in any order, repeats welcome."""
+    queries, weights = Queries(points.partition, points.cell), Weights.of(kernel, points.cell.device)
+    return Counts(*counts_around(space.particles, queries, weights, grid.numbers).unbind(1))
 
 
 @dataclass(frozen=True)
@@ -108,7 +100,7 @@ def condense(
 
     `parts` are the particles of one object each; their order does not matter.
     """
-    space, weights = ShapeGraspSpace.of([parts], prototypes, grid), Weights.of(kernel, parts[0].cell.device)
+    space, weights = ShapeGraspSpace.of(parts, prototypes, grid), Weights.of(kernel, parts[0].cell.device)
     rates = base_rates(torch.stack([outcome_counts(part, prototypes) for part in parts]).sum(0))
     return Condensed(*significant_cells(space.particles, weights, grid.numbers, min_support), rates)
 

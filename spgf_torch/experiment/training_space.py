@@ -25,7 +25,7 @@ class TrainingSpace:
         self.centres, self.config = centres, config
         self.grid, self.kernel = grid_of(config), kernel_of(config)
         parts = [shape_grasp_particles(obj.pairs, self.ids(obj), obj.outcomes) for obj in objects]
-        self.space = ShapeGraspSpace.of([parts], len(centres), self.grid)
+        self.space = ShapeGraspSpace.of(parts, len(centres), self.grid)
         self.base_rate = base_rates(torch.stack([outcome_counts(part, len(centres)) for part in parts]).sum(0))
 
     def ids(self, obj: DescribedObject) -> Tensor:
@@ -36,8 +36,7 @@ class TrainingSpace:
         """What the training objects say of the grasps on each object."""
         asked = [shape_grasp_particles(obj.pairs, self.ids(obj)) for obj in objects]
         points = concatenated(asked)
-        nobody = torch.full_like(points.cell, self.space.groups, dtype=torch.int64)
-        counts = analyse(self.space, points, nobody, self.grid, self.kernel).split([len(each.cell) for each in asked])
+        counts = analyse(self.space, points, self.grid, self.kernel).split([len(each.cell) for each in asked])
         return [self._scores(*row) for row in zip(counts, asked, objects, strict=True)]
 
     def _scores(self, counts: Counts, points: Particles, obj: DescribedObject) -> GraspScores:

@@ -1,8 +1,8 @@
 """Neighbourhood analysis of the shape-grasp space: particles -> kernel-weighted counts of success around cells.
 
 `populate` orders particles for the analysis, `analyse` answers at chosen cells, `condense` at every populated one. Sums
-in translation are float64 sums of float32 weights times whole numbers: exact, so that a group of particles can be taken
-out, and none depends on the order of particles. Sums over rotations are float32, in the order of the rotations.
+in translation are float64 sums of float32 weights times whole numbers: exact, so that none depends on the order of
+particles. Sums over rotations are float32, in the order of the rotations.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from torch import Tensor
 from spgf_torch.geometry.se3_grid import Kernel, SE3Grid
 from spgf_torch.ops.neighbourhood_loops import (
     Asked,
-    Blocks,
     Near,
+    Populated,
     hand_back,
     into_partitions,
     ordered,
@@ -33,7 +33,7 @@ from spgf_torch.threads import in_parts
 class Space(NamedTuple):
     """Particles of partition s are key[start[s] : start[s + 1]], ascending; start (S + 1,) int64, key (P,).
 
-    What a key says: `neighbourhood_loops`.
+    A key is cell * 2 + success.
     """
 
     start: Tensor
@@ -41,11 +41,10 @@ class Space(NamedTuple):
 
 
 class Queries(NamedTuple):
-    """Points that are asked for: partition, cell (Q,) int32, and excluded_group (Q,) int64."""
+    """Points that are asked for: partition, cell (Q,) int32."""
 
     partition: Tensor
     cell: Tensor
-    excluded_group: Tensor
 
 
 class Weights(NamedTuple):
@@ -66,110 +65,88 @@ Condensed = tuple[Tensor, Tensor, Tensor, Tensor]
 
 
 @operator(
-    "populate(Tensor[] partition, Tensor[] cell, Tensor[] success, SymInt[] parts, int partitions, float[] lattice) "
+    "populate(Tensor[] partition, Tensor[] cell, Tensor[] success, int partitions, float[] lattice) "
     "-> (Tensor start, Tensor key)"
 )
 def populate(
-    partition: list[Tensor],
-    cell: list[Tensor],
-    success: list[Tensor],
-    parts: list[int],
-    partitions: int,
-    lattice: list[float],
+    partition: list[Tensor], cell: list[Tensor], success: list[Tensor], partitions: int, lattice: list[float]
 ) -> tuple[Tensor, Tensor]:
-    """The `Space` of particles: partition, cell int32 and success bool of each part; `parts` of them in each group."""
-    voxels, groups, kind = SE3Grid(*lattice).voxels, len(parts), _key_type(lattice, len(parts))
-    group = [g for g, count in enumerate(parts) for _ in range(count)]
-    keys = []
-    for g, cells, held in zip(group, cell, success, strict=True):
-        rotation = cells.long() // voxels
-        keys.append(((rotation * groups + g) * voxels + cells - rotation * voxels) * 2 + held)
-    of_partition, key = torch.cat(partition).long(), torch.cat(keys)
-    span = 2 * groups * SE3Grid(*lattice).cells
+    """The `Space` of particles: partition, cell int32 and success bool of each part."""
+    of_partition, key = torch.cat(partition).long(), torch.cat(cell).long() * 2 + torch.cat(success)
+    span = 2 * SE3Grid(*lattice).cells
     key = (of_partition * span + key).sort().values % span
     counts = torch.bincount(of_partition, minlength=partitions)
-    return torch.cat([counts.new_zeros(1), counts.cumsum(0)]), key.to(kind)
+    return torch.cat([counts.new_zeros(1), counts.cumsum(0)]), key.to(_key_type(lattice))
 
 
 @populate.on_cpu
 def _populate_in_loops(
-    partition: list[Tensor],
-    cell: list[Tensor],
-    success: list[Tensor],
-    parts: list[int],
-    partitions: int,
-    lattice: list[float],
+    partition: list[Tensor], cell: list[Tensor], success: list[Tensor], partitions: int, lattice: list[float]
 ) -> tuple[Tensor, Tensor]:
-    voxels, groups = SE3Grid(*lattice).voxels, len(parts)
     columns = [(memory(s), memory(c), memory(held)) for s, c, held in zip(partition, cell, success, strict=True)]
     counts = np.zeros((partitions, 2), np.int64)
     for of_partition, _, held in columns:
         outcomes(of_partition, held, counts)
     start = np.append(0, counts.sum(1).cumsum())
-    found = torch.empty(start[-1], dtype=_key_type(lattice, groups))
+    found = torch.empty(start[-1], dtype=_key_type(lattice))
     key, at = found.numpy(), start[:-1].copy()
-    for g, (of_partition, cells, held) in zip(np.repeat(np.arange(groups), parts).tolist(), columns, strict=True):
-        into_partitions(of_partition, cells, held, voxels, g, groups, at, key)
+    for column in columns:
+        into_partitions(*column, at, key)
     list(in_parts(lambda s: key[start[s] : start[s + 1]].sort(), range(partitions)))
     return torch.from_numpy(start), found
 
 
 @populate.fake
 def _populate_shapes(
-    partition: list[Tensor],
-    cell: list[Tensor],
-    success: list[Tensor],
-    parts: list[int],
-    partitions: int,
-    lattice: list[float],
+    partition: list[Tensor], cell: list[Tensor], success: list[Tensor], partitions: int, lattice: list[float]
 ) -> tuple[Tensor, Tensor]:
     particles = sum(column.shape[0] for column in cell)
     start = cell[0].new_empty(partitions + 1, dtype=torch.int64)
-    return start, cell[0].new_empty(particles, dtype=_key_type(lattice, len(parts)))
+    return start, cell[0].new_empty(particles, dtype=_key_type(lattice))
 
 
-def _key_type(lattice: list[float], groups: int) -> torch.dtype:
-    return torch.int32 if SE3Grid(*lattice).cells * groups * 2 < torch.iinfo(torch.int32).max else torch.int64
+def _key_type(lattice: list[float]) -> torch.dtype:
+    return torch.int32 if SE3Grid(*lattice).cells * 2 < torch.iinfo(torch.int32).max else torch.int64
 
 
-@operator("analyse(Tensor[] space, int groups, Tensor[] queries, Tensor[] weights, float[] lattice) -> Tensor")
-def analyse(space: Space, groups: int, queries: Queries, weights: Weights, lattice: list[float]) -> Tensor:
+@operator("analyse(Tensor[] space, Tensor[] queries, Tensor[] weights, float[] lattice) -> Tensor")
+def analyse(space: Space, queries: Queries, weights: Weights, lattice: list[float]) -> Tensor:
     """(Q, 3) f32: successes and particles near each point, weighted, and particles in its cell; 0 without any there.
 
-    groups: of particles; a point whose `excluded_group` is this number leaves none out. Repeats are welcome.
+    Repeats are welcome.
     """
     (start, key), queries = Space(*space), Queries(*queries)
     counts = torch.zeros((len(queries.cell), 3), device=key.device)
     for s, (first, end) in enumerate(pairwise(start.tolist())):
         asking = (queries.partition == s).nonzero()[:, 0]
         if len(asking) and end > first:
-            particles = _Particles.of(key[first:end], groups, SE3Grid(*lattice).voxels)
-            counts[asking] = particles.around(queries.cell[asking], queries.excluded_group[asking], Weights(*weights))
+            particles = _Particles.of(key[first:end], SE3Grid(*lattice).voxels, Weights(*weights))
+            counts[asking] = particles.around(queries.cell[asking], Weights(*weights))
     return counts
 
 
 @analyse.on_cpu
-def _analyse_in_loops(space: Space, groups: int, queries: Queries, weights: Weights, lattice: list[float]) -> Tensor:
+def _analyse_in_loops(space: Space, queries: Queries, weights: Weights, lattice: list[float]) -> Tensor:
     grid, near = SE3Grid(*lattice), Near(*(memory(column) for column in weights))
     first, key = (memory(column) for column in space)
-    of_partition, cell, view = (memory(column) for column in queries)
+    of_partition, cell = (memory(column) for column in queries)
     start, order = _in_order(of_partition, len(first) - 1)
-    counts, views = np.zeros((len(cell), 3), np.float32), groups + 1
+    counts = np.zeros((len(cell), 3), np.float32)
 
     def work(s: int) -> None:
         asking = order[start[s] : start[s + 1]]
         rotation, voxel = np.divmod(cell[asking], np.int32(grid.voxels))
-        begin, by_view = _in_order(rotation * views + view[asking], grid.rotations * views)
-        blocks = _blocks(key[first[s] : first[s + 1]], groups, grid)
-        found = _weighed(blocks, groups, near, Asked(begin, voxel[by_view]), grid.voxels)
-        hand_back(found, asking[by_view], counts)
+        begin, by_rotation = _in_order(rotation, grid.rotations)
+        cells = _populated(key[first[s] : first[s + 1]], grid)
+        found = _weighed(cells, near, Asked(begin, voxel[by_rotation]), grid.voxels)
+        hand_back(found, asking[by_rotation], counts)
 
     list(in_parts(work, np.flatnonzero(np.diff(start)).tolist()))
     return torch.from_numpy(counts)
 
 
 @analyse.fake
-def _analyse_shapes(space: Space, groups: int, queries: Queries, weights: Weights, lattice: list[float]) -> Tensor:
+def _analyse_shapes(space: Space, queries: Queries, weights: Weights, lattice: list[float]) -> Tensor:
     return space[1].new_empty((queries[1].shape[0], 3), dtype=torch.float32)
 
 
@@ -180,14 +157,14 @@ def _analyse_shapes(space: Space, groups: int, queries: Queries, weights: Weight
 def condense(space: Space, weights: Weights, lattice: list[float], min_support: float) -> Condensed:
     """Cells (N,) int32 of significant support, by partition, then cell; of partition s from partition_start[s] on.
 
-    space: of one group of particles. probability, support (N,) f32: share of successes, and weighted particles.
+    probability, support (N,) f32: share of successes, and weighted particles.
     """
     start, key = Space(*space)
     columns = [_no_points(key)]
     for first, end in pairwise(start.tolist()):
-        particles = _Particles.of(key[first:end], 1, SE3Grid(*lattice).voxels)
-        cell = particles.cell.unique()
-        success, support, _ = particles.around(cell, torch.ones_like(cell), Weights(*weights)).unbind(1)
+        particles = _Particles.of(key[first:end], SE3Grid(*lattice).voxels, Weights(*weights))
+        cell = particles.own.cell
+        success, support, _ = particles.around(cell, Weights(*weights)).unbind(1)
         kept = (support >= min_support).nonzero()[:, 0]
         columns.append((cell[kept].int(), (success / support)[kept], support[kept]))
     sizes = torch.tensor([len(cell) for cell, _, _ in columns], device=key.device)
@@ -201,11 +178,10 @@ def _condense_in_loops(space: Space, weights: Weights, lattice: list[float], min
     first, key = (memory(column) for column in space)
 
     def work(s: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        blocks = _blocks(key[first[s] : first[s + 1]], 1, grid)
-        everyone = np.repeat(blocks.start, 2)[:-1]  # all ask, in the views that leave no group out
-        success, support, _ = _weighed(blocks, 1, near, Asked(everyone, blocks.voxel), grid.voxels).T
-        rotation = np.repeat(np.arange(grid.rotations, dtype=np.int32), np.diff(blocks.start))
-        cell, kept = blocks.voxel + rotation * np.int32(grid.voxels), support >= min_support
+        cells = _populated(key[first[s] : first[s + 1]], grid)
+        success, support, _ = _weighed(cells, near, Asked(cells.start, cells.voxel), grid.voxels).T
+        rotation = np.repeat(np.arange(grid.rotations, dtype=np.int32), np.diff(cells.start))
+        cell, kept = cells.voxel + rotation * np.int32(grid.voxels), support >= min_support
         return cell[kept], (success / support)[kept], support[kept]
 
     columns = [(np.empty(0, np.int32), *np.empty((2, 0), np.float32)), *in_parts(work, range(len(first) - 1))]
@@ -241,55 +217,36 @@ class _Table(NamedTuple):
 
 
 class _Particles(NamedTuple):
-    """The particles of one partition, (P,) int64 each: cell, group, and success 0 or 1."""
+    """What the cells of one partition hold: successes and particles in them, and smoothed in translation."""
 
-    cell: Tensor
-    group: Tensor
-    success: Tensor
-    groups: int
+    own: _Table
+    smooth: _Table
     voxels: int
 
     @staticmethod
-    def of(key: Tensor, groups: int, voxels: int) -> _Particles:
-        place, success = key.long() >> 1, key.long() & 1
-        block, voxel = place // voxels, place % voxels
-        return _Particles(block // groups * voxels + voxel, block % groups, success, groups, voxels)
+    def of(key: Tensor, voxels: int, weights: Weights) -> _Particles:
+        success = (key & 1).double()
+        own = _Table.of(key.long() >> 1, torch.stack([success, torch.ones_like(success)], dim=1))
+        cell = (own.cell[:, None] + weights.offset).flatten()
+        smooth = _Table.of(cell, (weights.weight.double()[:, None] * own.held[:, None]).flatten(0, 1))
+        return _Particles(own, smooth, voxels)
 
-    def around(self, cell: Tensor, excluded_group: Tensor, weights: Weights) -> Tensor:
+    def around(self, cell: Tensor, weights: Weights) -> Tensor:
         """(Q, 3) f32 for cells (Q,), as `analyse` has them."""
-        found = torch.zeros((len(cell), 3), device=cell.device)
-        everyone = self._tables(slice(None), weights)
-        for view in excluded_group.unique().tolist():
-            asking = (excluded_group == view).nonzero()[:, 0]
-            left_out = [self._tables(self.group == view, weights)] if view < self.groups else []
-            cells, place = (
-                cell[asking].long().unique(return_inverse=True)
-            )  # ascending: neighbours lie together in memory
-            found[asking] = self._gathered(cells, everyone, left_out, weights)[place]
+        cells, place = cell.long().unique(return_inverse=True)  # ascending: neighbours lie together in memory
+        found = self._gathered(cells, weights)[place]
         return found * (found[:, 2:] > 0)
 
-    def _tables(self, which: slice | Tensor, weights: Weights) -> tuple[_Table, _Table]:
-        """Successes and number of some of the particles, in their cells and smoothed in translation."""
-        success = self.success[which].double()
-        own = _Table.of(self.cell[which], torch.stack([success, torch.ones_like(success)], dim=1))
-        cell = (own.cell[:, None] + weights.offset).flatten()
-        return own, _Table.of(cell, (weights.weight.double()[:, None] * own.held[:, None]).flatten(0, 1))
-
-    def _gathered(
-        self, cell: Tensor, everyone: tuple[_Table, _Table], left_out: list[tuple[_Table, _Table]], weights: Weights
-    ) -> Tensor:
-        """(Q, 3) f32: over the rotations near that of each cell, everyone but those left out."""
-        own, smooth = everyone
+    def _gathered(self, cell: Tensor, weights: Weights) -> Tensor:
+        """(Q, 3) f32: over the rotations near that of each cell."""
         rotation, voxel = cell // self.voxels, cell % self.voxels
         turn, order = weights.turn.long().sort(dim=1)
         near, share = turn[rotation], weights.turn_weight.double().gather(1, order)[rotation]
         found = torch.zeros((len(cell), 2), device=cell.device)
         for n in range(near.shape[1]):
-            there = near[:, n] * self.voxels + voxel
-            held = smooth.at(there) - sum(table.at(there) for _, table in left_out)
+            held = self.smooth.at(near[:, n] * self.voxels + voxel)
             found = (found + share[:, n, None] * held).float()
-        here = own.at(cell)[:, 1:] - sum(table.at(cell)[:, 1:] for table, _ in left_out)
-        return torch.cat([found, here.float()], dim=1)
+        return torch.cat([found, self.own.at(cell)[:, 1:].float()], dim=1)
 
 
 def _no_points(key: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -304,16 +261,16 @@ def _in_order(bucket: np.ndarray, buckets: int) -> tuple[np.ndarray, np.ndarray]
     return start, order
 
 
-def _blocks(key: np.ndarray, groups: int, lattice: SE3Grid) -> Blocks:
-    """The populated cells of one partition, by rotation and group."""
-    start = np.zeros(lattice.rotations * groups + 1, np.int64)
+def _populated(key: np.ndarray, lattice: SE3Grid) -> Populated:
+    """The populated cells of one partition, by rotation."""
+    start = np.zeros(lattice.rotations + 1, np.int64)
     voxel, counts = np.empty(len(key), np.int32), np.zeros((len(key), 2), np.float32)
     populated(key, lattice.voxels, start, voxel, counts)
-    return Blocks(start, voxel[: start[-1]], counts[: start[-1]])
+    return Populated(start, voxel[: start[-1]], counts[: start[-1]])
 
 
-def _weighed(blocks: Blocks, groups: int, near: Near, asked: Asked, voxels: int) -> np.ndarray:
+def _weighed(cells: Populated, near: Near, asked: Asked, voxels: int) -> np.ndarray:
     """(Q, 3) f32: what `neighbourhood_loops.weigh` finds for the voxels asked."""
     found = np.zeros((len(asked.voxel), 3), np.float32)
-    weigh(blocks, groups, near, asked, voxels, found)
+    weigh(cells, near, asked, voxels, found)
     return found

@@ -2,13 +2,10 @@
 
 One rotation after the other, its particles are smoothed in translation into a table of that rotation's voxels, which
 stays in the processor's second-level cache; then every cell that asks in a rotation near it adds what the table holds
-at its own voxel. Tables hold sums of float32 weights times whole numbers in float64: exact, so that a group of
-particles can be taken out and put back, and none depends on the order of particles. Sums over rotations are float32,
-in the order of the rotations.
+at its own voxel. Tables hold sums of float32 weights times whole numbers in float64: exact, so that none depends on the
+order of particles. Sums over rotations are float32, in the order of the rotations.
 
-A block is a rotation and a group: particles carry the key (block * voxels + voxel) * 2 + success, with block =
-rotation * groups + group. A view is a rotation and a group that is left out, rotation * (groups + 1) + group; the
-last of each rotation leaves none out.
+A cell is rotation * voxels + voxel; particles carry the key cell * 2 + success.
 """
 
 from __future__ import annotations
@@ -20,10 +17,10 @@ import numpy as np
 from spgf_torch.compiled import compiled
 
 
-class Blocks(NamedTuple):
-    """Populated voxels of a partition: those of block b are start[b] : start[b + 1].
+class Populated(NamedTuple):
+    """Populated cells of a partition: those of rotation r are start[r] : start[r + 1].
 
-    start (blocks + 1,) int64, voxel (N,) int32, counts (N, 2) f32: successes and particles.
+    start (rotations + 1,) int64, voxel (N,) int32, counts (N, 2) f32: successes and particles.
     """
 
     start: np.ndarray
@@ -41,7 +38,10 @@ class Near(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """Cells that ask: those in view w are start[w] : start[w + 1]; start (views + 1,) int64, voxel (Q,) int32."""
+    """Cells that ask: those of rotation r are start[r] : start[r + 1].
+
+    start (rotations + 1,) int64, voxel (Q,) int32.
+    """
 
     start: np.ndarray
     voxel: np.ndarray
@@ -63,29 +63,21 @@ def outcomes(partition: np.ndarray, success: np.ndarray, counts: np.ndarray) -> 
 
 @compiled
 def into_partitions(
-    partition: np.ndarray,
-    cell: np.ndarray,
-    success: np.ndarray,
-    voxels: int,
-    group: int,
-    groups: int,
-    at: np.ndarray,
-    key: np.ndarray,
+    partition: np.ndarray, cell: np.ndarray, success: np.ndarray, at: np.ndarray, key: np.ndarray
 ) -> None:
-    """Out: key, of a group's particles, those of partition s from key[at[s]] on. In and out: at (S,) int64 moves on."""
+    """Out: key, of particles, those of partition s from key[at[s]] on. In and out: at (S,) int64 moves on."""
     for i in range(len(partition)):
-        s, rotation = partition[i], cell[i] // voxels
-        block, voxel = rotation * groups + group, cell[i] - rotation * voxels
-        key[at[s]] = (block * voxels + voxel) * 2 + success[i]
+        s = partition[i]
+        key[at[s]] = np.int64(cell[i]) * 2 + success[i]
         at[s] += 1
 
 
 @compiled
 def populated(key: np.ndarray, voxels: int, start: np.ndarray, voxel: np.ndarray, counts: np.ndarray) -> None:
-    """Out: `Blocks` from the sorted keys (N,) of a partition; start and counts hold 0 before."""
+    """Out: `Populated` from the sorted keys (N,) of a partition; start and counts hold 0 before."""
     i, n, last = 0, -1, np.int64(-1)
-    for block in range(len(start) - 1):
-        first = np.int64(block) * voxels
+    for rotation in range(len(start) - 1):
+        first = np.int64(rotation) * voxels
         while i < len(key) and key[i] >> 1 < first + voxels:
             run = np.int64(key[i] >> 1)
             n += run != last  # no branch: whether the next particle is in the same voxel cannot be foreseen
@@ -94,7 +86,7 @@ def populated(key: np.ndarray, voxels: int, start: np.ndarray, voxel: np.ndarray
             counts[n, 1] += 1
             last = run
             i += 1
-        start[block + 1] = n + 1
+        start[rotation + 1] = n + 1
 
 
 @compiled
@@ -112,45 +104,34 @@ def ordered(bucket: np.ndarray, start: np.ndarray, order: np.ndarray) -> None:
 
 
 @compiled
-def weigh(blocks: Blocks, groups: int, near: Near, asked: Asked, voxels: int, found: np.ndarray) -> None:
+def weigh(cells: Populated, near: Near, asked: Asked, voxels: int, found: np.ndarray) -> None:
     """In and out: found (Q, 3) f32, 0 before: weighted successes and particles about the cells asked, and in them."""
     table = Table(np.zeros((voxels, 2)), np.zeros(voxels, np.float32))
     for source in range(len(near.turn)):
-        begin, end = blocks.start[source * groups], blocks.start[(source + 1) * groups]
-        if begin == end:
-            continue
-        _splat(blocks, begin, end, 1.0, near, table)
-        for view in range(groups + 1):
-            if _waiting(asked, near, source, view, groups + 1) == 0:
-                continue
-            # The view of a group takes its block out; that of all groups an empty one.
-            block = source * groups
-            a, b = blocks.start[block + view], blocks.start[block + min(view + 1, groups)]
-            _splat(blocks, a, b, -1.0, near, table)
-            _gather(asked, near, source, view, groups + 1, table, found)
-            _splat(blocks, a, b, 1.0, near, table)
-        _clear(blocks, begin, end, near, table)
+        if cells.start[source] < cells.start[source + 1]:
+            _splat(cells, source, near, table)
+            _gather(asked, near, source, table, found)
+            _clear(cells, source, near, table)
 
 
 @compiled
-def _splat(blocks: Blocks, first: int, end: int, sign: float, near: Near, table: Table) -> None:
-    """In and out: table, to which what is at first : end is added."""
+def _splat(cells: Populated, source: int, near: Near, table: Table) -> None:
+    """In and out: table, 0 before, to which the particles of the rotation are added."""
     offset, weight, around, own = near.offset, near.weight, table.near, table.own
-    for i in range(first, end):
-        voxel = blocks.voxel[i]
-        held, tried = sign * blocks.counts[i, 0], sign * blocks.counts[i, 1]
-        own[voxel] += tried
+    for i in range(cells.start[source], cells.start[source + 1]):
+        voxel, held, tried = cells.voxel[i], cells.counts[i, 0], cells.counts[i, 1]
+        own[voxel] = tried
         for m in range(len(offset)):
-            v, w = voxel + offset[m], weight[m]
+            v, w = voxel + offset[m], np.float64(weight[m])
             successes, particles = around[v, 0] + w * held, around[v, 1] + w * tried
             around[v, 0], around[v, 1] = successes, particles
 
 
 @compiled
-def _clear(blocks: Blocks, first: int, end: int, near: Near, table: Table) -> None:
-    """In and out: table, 0 where what is at first : end had been added."""
-    for i in range(first, end):
-        voxel = blocks.voxel[i]
+def _clear(cells: Populated, source: int, near: Near, table: Table) -> None:
+    """In and out: table, 0 where the particles of the rotation had been added."""
+    for i in range(cells.start[source], cells.start[source + 1]):
+        voxel = cells.voxel[i]
         table.own[voxel] = 0.0
         for m in range(len(near.offset)):
             v = voxel + near.offset[m]
@@ -158,28 +139,18 @@ def _clear(blocks: Blocks, first: int, end: int, near: Near, table: Table) -> No
 
 
 @compiled
-def _waiting(asked: Asked, near: Near, source: int, view: int, views: int) -> int:
-    """How many cells of this view ask in the rotations near the source."""
-    waiting = 0
-    for n in range(near.turn.shape[1]):
-        w = near.turn[source, n] * views + view
-        waiting += asked.start[w + 1] - asked.start[w]
-    return waiting
-
-
-@compiled
-def _gather(asked: Asked, near: Near, source: int, view: int, views: int, table: Table, found: np.ndarray) -> None:
-    """In and out: found, to which the source's table is added for cells of this view in the rotations near it."""
+def _gather(asked: Asked, near: Near, source: int, table: Table, found: np.ndarray) -> None:
+    """In and out: found, to which the source's table is added for cells that ask in the rotations near it."""
     around, own = table.near, table.own
     for n in range(near.turn.shape[1]):
-        share, w = near.turn_weight[source, n], near.turn[source, n] * views + view
+        share, rotation = near.turn_weight[source, n], near.turn[source, n]
         if share == 0:
             break
-        for q in range(asked.start[w], asked.start[w + 1]):
+        for q in range(asked.start[rotation], asked.start[rotation + 1]):
             v = asked.voxel[q]
             successes, particles = found[q, 0] + share * around[v, 0], found[q, 1] + share * around[v, 1]
             found[q, 0], found[q, 1] = successes, particles
-            if near.turn[source, n] == source:
+            if rotation == source:
                 found[q, 2] = own[v]
 
 

@@ -113,7 +113,7 @@ def test_four_particles_by_hand() -> None:
 def test_particles_without_outcomes_teach_nothing() -> None:
     cell = torch.zeros(1, dtype=torch.int32)
     with pytest.raises(ValueError, match="outcomes of trials"):
-        ShapeGraspSpace.of([[Particles(cell, cell)]], 1, GRID)
+        ShapeGraspSpace.of([Particles(cell, cell)], 1, GRID)
 
 
 def test_votes_equal_brute_force(generator: torch.Generator, kernel: Kernel) -> None:
@@ -129,10 +129,10 @@ def test_votes_equal_brute_force(generator: torch.Generator, kernel: Kernel) -> 
     assert NO_POINT in expected and max(expected) > 0
 
 
-def split(particles: Particles, groups: int) -> list[Particles]:
-    """The particles dealt out to groups in turn."""
+def split(particles: Particles, objects: int) -> list[Particles]:
+    """The particles dealt out to objects in turn."""
     names = ("partition", "cell", "success")
-    return [Particles(*(getattr(particles, name)[g::groups] for name in names)) for g in range(groups)]
+    return [Particles(*(getattr(particles, name)[i::objects] for name in names)) for i in range(objects)]
 
 
 def test_analysis_at_points_equals_the_condensed_space(generator: torch.Generator, kernel: Kernel) -> None:
@@ -141,51 +141,34 @@ def test_analysis_at_points_equals_the_condensed_space(generator: torch.Generato
     grasp = torch.randint(50, (300,), generator=generator)
     condensed = condense([particles], PROTOTYPES, GRID, kernel, 2.0)
     expected = cast_votes(VotingIndex(condensed, GRID), asked, grasp)
-    space = ShapeGraspSpace.of([split(particles, 3)[:2], split(particles, 3)[2:]], PROTOTYPES, GRID)
-    counts = analyse(space, asked, torch.full((300,), 2), GRID, kernel)
+    space = ShapeGraspSpace.of(split(particles, 3), PROTOTYPES, GRID)
+    counts = analyse(space, asked, GRID, kernel)
     votes = counted_votes(counts, asked, grasp, 2.0)
     assert 20 < len(votes.grasp) < 300
     for name in ("grasp", "prototype", "probability", "support"):
         assert torch.equal(getattr(votes, name), getattr(expected, name))
 
 
-@pytest.mark.parametrize("group", [0, 1, 2])
-def test_leaving_a_group_out_equals_learning_without_it(group: int, generator: torch.Generator, kernel: Kernel) -> None:
-    particles, asked = random_particles(300, generator), random_particles(200, generator)
-    parts = split(particles, 3)
-    space = ShapeGraspSpace.of([[part] for part in parts], PROTOTYPES, GRID)
-    excluded = torch.where(torch.arange(200) < 150, group, 3)  # the last quarter asks everyone
-    left_out = analyse(space, asked, excluded, GRID, kernel)
-    others = ShapeGraspSpace.of([[part for i, part in enumerate(parts) if i != group]], PROTOTYPES, GRID)
-    expected = analyse(others, asked, torch.full((200,), 1), GRID, kernel)
-    everyone = analyse(space, asked, torch.full((200,), 3), GRID, kernel)
-    for name in ("successes", "particles", "own_count"):
-        assert torch.equal(getattr(left_out, name)[:150], getattr(expected, name)[:150])
-        assert torch.equal(getattr(left_out, name)[150:], getattr(everyone, name)[150:])
-        assert not torch.equal(getattr(expected, name), getattr(everyone, name))
-
-
 def test_analysis_of_nothing() -> None:
     kernel = gaussian_kernel(GRID, 0.0, 0.0)
     none = torch.zeros(0, dtype=torch.int32)
-    space = ShapeGraspSpace.of([[Particles(none, none, none.bool())]], 1, GRID)
+    space = ShapeGraspSpace.of([Particles(none, none, none.bool())], 1, GRID)
     one = torch.ones(1, dtype=torch.int32)
-    counts = analyse(space, Particles(one, one), one.long(), GRID, kernel)
+    counts = analyse(space, Particles(one, one), GRID, kernel)
     assert [float(t) for t in (counts.successes, counts.particles, counts.own_count)] == [0, 0, 0]
     assert len(counted_votes(counts, Particles(one, one), one.long(), 0.0).grasp) == 0
 
 
 @pytest.mark.parametrize("kernel_mm", [0.0, 0.006, 0.01])
 def test_analysis_equals_the_loop(kernel_mm: float, generator: torch.Generator) -> None:
-    """At points asked of all, and of all but one group, many of them more than once and some of nobody."""
+    """At points many of which are asked for more than once, and some hold nothing."""
     kernel = gaussian_kernel(GRID, kernel_mm, 40.0)
     particles, asked = random_particles(250, generator), random_particles(200, generator)
-    excluded, group = torch.randint(3, (200,), generator=generator), torch.arange(250) % 2
-    space = ShapeGraspSpace.of([[part] for part in split(particles, 2)], PROTOTYPES, GRID)
-    found = torch.stack(list(vars(analyse(space, asked, excluded, GRID, kernel)).values()), dim=1)
+    space = ShapeGraspSpace.of(split(particles, 2), PROTOTYPES, GRID)
+    found = torch.stack(list(vars(analyse(space, asked, GRID, kernel)).values()), dim=1)
     expected = torch.zeros(200, 3)
     for q in range(200):
-        teaching = (particles.partition == asked.partition[q]) & (group != excluded[q])
+        teaching = particles.partition == asked.partition[q]
         expected[q, 2] = (teaching & (particles.cell == asked.cell[q])).sum()
         if expected[q, 2] > 0:
             for i in teaching.nonzero()[:, 0].tolist():
@@ -207,13 +190,12 @@ def weight_between(kernel: Kernel, cell: int, other: int) -> float:
 
 def test_two_threads_find_the_same(generator: torch.Generator, kernel: Kernel) -> None:
     particles, asked = random_particles(3000, generator), random_particles(2000, generator)
-    excluded = torch.randint(4, (2000,), generator=generator)
     found = []
     for count in (1, 2):
         threads = torch.get_num_threads()
         torch.set_num_threads(count)
-        space = ShapeGraspSpace.of([[part] for part in split(particles, 3)], PROTOTYPES, GRID)
-        counts = analyse(space, asked, excluded, GRID, kernel)
+        space = ShapeGraspSpace.of(split(particles, 3), PROTOTYPES, GRID)
+        counts = analyse(space, asked, GRID, kernel)
         condensed = condense(split(particles, 3), PROTOTYPES, GRID, kernel, 2.0)
         torch.set_num_threads(threads)
         found.append([*vars(counts).values(), *vars(condensed).values()])
@@ -221,13 +203,12 @@ def test_two_threads_find_the_same(generator: torch.Generator, kernel: Kernel) -
 
 
 def test_keys_of_64_bits(generator: torch.Generator, kernel: Kernel) -> None:
-    """Finer grids and more groups need them; what is found is the same."""
+    """Finer grids need them; what is found is the same."""
     particles, asked = random_particles(300, generator), random_particles(200, generator)
-    space = ShapeGraspSpace.of([[part] for part in split(particles, 3)], PROTOTYPES, GRID)
+    space = ShapeGraspSpace.of(split(particles, 3), PROTOTYPES, GRID)
     wide = replace(space, particles=space.particles._replace(key=space.particles.key.long()))
     assert space.particles.key.dtype == torch.int32
-    excluded = torch.arange(200) % 4
-    found, same = (analyse(each, asked, excluded, GRID, kernel) for each in (space, wide))
+    found, same = (analyse(each, asked, GRID, kernel) for each in (space, wide))
     assert all(torch.equal(a, b) for a, b in zip(vars(found).values(), vars(same).values(), strict=True))
 
 
@@ -337,8 +318,8 @@ def test_as_many_particles_as_are_asked_for_are_enough() -> None:
     kernel = gaussian_kernel(GRID, 0.0, 0.0)
     cell = GRID.index(torch.zeros(3, 3), torch.tensor([[1.0, 0, 0, 0]] * 3)).int()
     particles = Particles(torch.zeros(3, dtype=torch.int32), cell, torch.tensor([True, False, True]))
-    space, asked = ShapeGraspSpace.of([[particles]], 1, GRID), Particles(particles.partition[:1], cell[:1])
-    counts = analyse(space, asked, torch.tensor([1]), GRID, kernel)
+    space, asked = ShapeGraspSpace.of([particles], 1, GRID), Particles(particles.partition[:1], cell[:1])
+    counts = analyse(space, asked, GRID, kernel)
     for least, support in ((3.0, [3.0]), (3.1, [])):
         assert condense([particles], 1, GRID, kernel, least).support.tolist() == support
         assert counted_votes(counts, asked, torch.tensor([0]), least).support.tolist() == support

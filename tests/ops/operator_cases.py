@@ -174,18 +174,13 @@ def dealt(draws: torch.Generator) -> list[list[Tensor]]:
 
 
 def populate() -> list[Case]:
-    """Objects in three groups, one of them empty; finer lattices need keys of 64 bits."""
+    """Four objects; finer lattices need keys of 64 bits."""
     columns = dealt(generator())
-    return [(*columns, parts, PARTITIONS, COARSE.numbers) for parts in ([2, 0, 2], [4])] + [
-        (*columns, [2, 1, 1], PARTITIONS, SE3Grid(0.2, 0.005, 20.0).numbers)
-    ]
+    return [(*columns, PARTITIONS, grid.numbers) for grid in (COARSE, SE3Grid(0.2, 0.005, 20.0))]
 
 
-def spaces() -> tuple[Space, Space]:
-    """Of two groups, and of one."""
-    columns = dealt(generator())
-    two, one = (populate_operator.in_torch(*columns, parts, PARTITIONS, COARSE.numbers) for parts in ([1, 3], [4]))
-    return Space(*two), Space(*one)
+def space() -> Space:
+    return Space(*populate_operator.in_torch(*dealt(generator()), PARTITIONS, COARSE.numbers))
 
 
 def weights(sigma: float = 0.008, sigma_deg: float = 40.0) -> Weights:
@@ -193,15 +188,14 @@ def weights(sigma: float = 0.008, sigma_deg: float = 40.0) -> Weights:
 
 
 def analyse() -> list[Case]:
-    """Asked of all, and of all but a group; of one group alone; and nothing."""
+    """With a kernel, and of cells alone; and nothing."""
     draws = generator()
     partition, cell, _ = particles(500, draws)
     partition[:20] = 2
-    asked = Queries(partition, cell, torch.randint(3, (500,), generator=draws))
-    nothing, (two, one) = Queries(*(column[:0] for column in asked)), spaces()
-    alone = asked._replace(excluded_group=asked.excluded_group.clamp(max=1))
-    cases = [(two, 2, asked, weights()), (two, 2, asked, weights(0, 0)), (one, 1, alone, weights())]
-    return [(*case, COARSE.numbers) for case in [*cases, (two, 2, nothing, weights())]]
+    asked = Queries(partition, cell)
+    nothing = Queries(*(column[:0] for column in asked))
+    cases = [(asked, weights()), (asked, weights(0, 0)), (nothing, weights())]
+    return [(space(), *case, COARSE.numbers) for case in cases]
 
 
 def outcome_counts() -> list[Case]:
@@ -210,9 +204,8 @@ def outcome_counts() -> list[Case]:
 
 
 def condense() -> list[Case]:
-    _, one = spaces()
     return [
-        (one, weights(*sigma), COARSE.numbers, least) for sigma in ((0.008, 40.0), (0.0, 0.0)) for least in (0, 2.5)
+        (space(), weights(*sigma), COARSE.numbers, least) for sigma in ((0.008, 40.0), (0.0, 0.0)) for least in (0, 2.5)
     ]
 
 
