@@ -31,8 +31,8 @@ Described = LocalFeatures | Numbers
 class Prototypes:
     """K recurring local shapes: `Prototypes(K).fit(features).predict(others)`.
 
-    The fit is that of `train` (`prototypes.lightning_module.fit_prototypes`), without Lightning and its checkpoints: the
-    same features, K, settings and seed give the same prototypes. It is done on the CPU.
+    The fit is that of `train` (`prototypes.lightning_module.fit_prototypes`), without Lightning and its checkpoints:
+    the same features, K, settings and seed give the same prototypes. It is done on the CPU.
 
     Args:
         K: how many prototypes, 1 to 1000; the paper's best is 20.
