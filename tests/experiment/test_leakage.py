@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from small_world import AFFORDANCE, FOLD, GRASPS, KINDS, experiment, run, world
+from small_world import FOLD, GRASPS, experiment, run, world
 
 from spgf_torch.affordance.ranking import GraspScores
-from spgf_torch.experiment.cross_validation import CrossValidation
 from spgf_torch.experiment.described_object import DescribedObject
-from spgf_torch.experiment.training_space import TrainingSpace
+from spgf_torch.experiment.experiment import Experiment
 
 NOVEL = [i for i in range(len(FOLD)) if FOLD[i] == 0]
 
@@ -43,9 +42,9 @@ def test_outcomes_of_novel_objects_change_nothing() -> None:
     models = [learned.of_fold[0] for learned in (before, after, other)]
     for name in ("probability", "support", "base_rate"):
         assert same(getattr(models[0].condensed, name), getattr(models[1].condensed, name))
-    assert same(models[0].calibration.weights, models[1].calibration.weights)
+    assert same(models[0].calibration.numbers, models[1].calibration.numbers)
     assert not same(models[0].condensed.probability, models[2].condensed.probability)
-    assert not same(models[0].calibration.weights, models[2].calibration.weights)
+    assert not same(models[0].calibration.numbers, models[2].calibration.numbers)
 
 
 def test_prototypes_do_not_know_the_novel_objects() -> None:
@@ -64,21 +63,26 @@ def test_a_model_lists_who_taught_it() -> None:
     assert taught == {fold: everyone - {f"object {i}" for i in np.flatnonzero(fold == FOLD)} for fold in range(3)}
 
 
-def groups_of(examples: list[DescribedObject]) -> list[list[DescribedObject]]:
-    return [[e for e, fold in zip(examples, FOLD, strict=True) if fold == f] for f in range(3)]
+def inner_scores(made: Experiment) -> dict[tuple[int, int], GraspScores]:
+    """(test fold, object that is held out for its sake) -> what is said of the object's sampled grasps."""
+    scores: dict[tuple[int, int], GraspScores] = {}
+    for taught, held_out in made.design.inner_folds().items():
+        scores |= made.predict_inside(taught, made.prototypes(taught), held_out)
+    return scores
 
 
 def test_a_group_says_nothing_of_itself() -> None:
-    """Its outcomes flipped, everything said of its own grasps without it stays, base rates included; with it, not."""
-    examples, centres = world(cells=4), 4 * torch.eye(KINDS)
-    own = [examples[i] for i in NOVEL]
-    before, after = (TrainingSpace(groups_of(e), centres, AFFORDANCE) for e in (examples, flipped(examples, NOVEL)))
-    for first, second in zip(before.score_grasps(own, [0, 0]), after.score_grasps(own, [0, 0]), strict=True):
-        assert same(first.probability, second.probability) and same(first.votes, second.votes)
-        assert all(same(score, second.by_ranking[name]) for name, score in first.by_ranking.items())
-    for without in (1, None):
-        first, second = (space.score_grasps(own, [without] * 2)[0] for space in (before, after))
-        assert not same(first.log_odds, second.log_odds) and not same(first.probability, second.probability)
+    """Outcomes of object 1 (fold 1) flipped: nothing said of fold 1 moves, whatever the test fold; of fold 2 all does.
+
+    Object 2 is held out for test fold 0 from those of fold 1, for test fold 1 from those of fold 0.
+    """
+    examples = world(cells=4)
+    before, after = (inner_scores(experiment(e)) for e in (examples, flipped(examples, [1])))
+    assert before.keys() == {(test, i) for test in range(3) for i in range(len(FOLD)) if FOLD[i] != test}
+    for pair, moves in {(0, 1): False, (2, 1): False, (0, 4): False, (1, 2): False, (0, 2): True, (2, 0): True}.items():
+        first, second = before[pair], after[pair]
+        assert same(first.probability, second.probability) != moves
+        assert all(same(score, second.by_ranking[name]) != moves for name, score in first.by_ranking.items())
 
 
 def test_the_calibration_does_not_see_the_group_that_is_held_out() -> None:
@@ -86,29 +90,19 @@ def test_the_calibration_does_not_see_the_group_that_is_held_out() -> None:
 
     Held out, the score says nothing, and its weight says so. Judged by itself it would seem to say all: weight > 1.
     """
-    examples = world(cells=700, lawful=False)
-    centres = 4 * torch.eye(KINDS)
-    validation = CrossValidation(AFFORDANCE, inner_grasps=GRASPS, N=10, seed=0)
-    space = TrainingSpace(groups_of(examples), centres, AFFORDANCE)
-    calibration, _ = validation.nested(space, groups_of(examples))
-    assert calibration.weights[:, 1].abs().max() < 0.3
+    made = experiment(world(cells=700, lawful=False), inner_grasps=GRASPS)
+    scores = inner_scores(made)
+    for test in range(3):
+        assert made.nested(test, scores)[0].numbers[:, 1].abs().max() < 0.4
 
 
-class Told:
-    """In the place of a training space: of each grasp it knows the outcome, which is its type.
-
-    By `paper` one success comes first, then all failures; by the other rankings a failure, then all successes.
-    """
-
-    def score_grasps(self, objects: list[DescribedObject], excluded_groups: list[int]) -> list[GraspScores]:
-        return [self._scores(obj.grasp_type == 1) for obj in objects]
-
-    def _scores(self, success: torch.Tensor) -> GraspScores:
-        one, none = torch.ones(len(success)), torch.zeros(len(success), dtype=torch.int64)
-        paper, log_odds = (~success).float(), success.float()
-        paper[success.nonzero()[0]], log_odds[(~success).nonzero()[0]] = 2.0, 2.0
-        by_ranking = {"paper": paper, "log_odds": log_odds, "log_odds_free": log_odds}
-        return GraspScores(one.long(), one, one, by_ranking, none, success & False)
+def known(success: torch.Tensor) -> GraspScores:
+    """Scores that know outcomes: by `paper` one success comes first, then all failures; by the others the reverse."""
+    one, none = torch.ones(len(success)), torch.zeros(len(success), dtype=torch.int64)
+    paper, log_odds = (~success).float(), success.float()
+    paper[success.nonzero()[0]], log_odds[(~success).nonzero()[0]] = 2.0, 2.0
+    by_ranking = {"paper": paper, "log_odds": log_odds, "log_odds_free": log_odds}
+    return GraspScores(one.long(), one, one, by_ranking, none, success & False)
 
 
 @pytest.mark.parametrize(("inner_grasps", "N", "chosen"), [(20, 3, "paper"), (20, 7, "log_odds"), (60, 3, "log_odds")])
@@ -117,23 +111,22 @@ def test_of_a_sample_the_same_share_counts(inner_grasps: int, N: int, chosen: st
 
     Instead of the best 7 count 7 / 3, rounded up: of 3, paper has 1 and log_odds 2. So it is of the best 3 of all 60.
     """
-    groups = groups_of(world(cells=4))
-    groups = [[replace(e, success=e.grasp_type == 1) for e in group] for group in groups]
-    validation = CrossValidation(AFFORDANCE, inner_grasps, N, seed=0)
-    assert validation.nested(Told(), groups)[1] == chosen  # type: ignore[arg-type]
+    examples = [replace(e, success=e.grasp_type == 1) for e in world(cells=4)]
+    made = experiment(examples, inner_grasps=inner_grasps, N=N)
+    scores = {(0, i): known(made.sampled[i].outcomes) for i in made.design.training(0)}
+    assert made.nested(0, scores)[1] == chosen
 
 
 def test_the_sample_follows_the_seed() -> None:
     """Of 60 grasps 20 calibrate: others with another seed. Of all 60 there is nothing to draw."""
-    examples, centres = world(cells=4), 4 * torch.eye(KINDS)
-    space = TrainingSpace(groups_of(examples), centres, AFFORDANCE)
+    examples = world(cells=4)
 
-    def weights(inner_grasps: int, seed: int) -> torch.Tensor:
-        validation = CrossValidation(AFFORDANCE, inner_grasps, N=10, seed=seed)
-        return validation.nested(space, groups_of(examples))[0].weights
+    def numbers(inner_grasps: int, seed: int) -> torch.Tensor:
+        made = experiment(examples, inner_grasps=inner_grasps, seed=seed)
+        return made.nested(0, inner_scores(made))[0].numbers
 
-    assert same(weights(20, 0), weights(20, 0)) and not torch.isclose(weights(20, 0), weights(20, 1))[:, :3].any()
-    assert same(weights(60, 0), weights(60, 1))
+    assert same(numbers(20, 0), numbers(20, 0)) and not torch.isclose(numbers(20, 0), numbers(20, 1))[:, :3].any()
+    assert same(numbers(60, 0), numbers(60, 1))
 
 
 def test_the_grasps_that_teach_follow_the_seed() -> None:

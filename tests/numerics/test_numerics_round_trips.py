@@ -120,10 +120,10 @@ def test_trial_tables(rows: int, seed: int, name: str) -> None:
     """Bits in, bits out; and what is read and written again is the same table."""
     generator = torch.Generator().manual_seed(seed)
     T = se3.random_poses(2 * rows, generator)
-    origin = Provenance(name, "0" * 64, "1" * 64, {"jitter": 0.1}, {"dt": 0.002}, rows, seed)
+    provenance = Provenance(name, "0" * 64, "1" * 64, {"jitter": 0.1}, {"dt": 0.002}, rows, seed)
     outcome = torch.randint(6, (2 * rows,), generator=generator)
     made = TrialTable(
-        origin, se3.position_of(T), se3.quaternion_of(T), torch.arange(2 * rows) % 2, outcome, {"sapien": "3"}
+        provenance, se3.position_of(T), se3.quaternion_of(T), torch.arange(2 * rows) % 2, outcome, {"sapien": "3"}
     )
     with tempfile.TemporaryDirectory() as folder:
         first, second = Path(folder, "a.parquet"), Path(folder, "b.parquet")
@@ -131,7 +131,7 @@ def test_trial_tables(rows: int, seed: int, name: str) -> None:
         read = read_table(first)
         write_table(second, read)
         assert pq.read_table(first).equals(pq.read_table(second), check_metadata=True)
-    assert read.origin == origin and read.versions == made.versions
+    assert read.provenance == provenance and read.versions == made.versions
     for field in ("position", "quaternion", "grasp_type", "outcome"):
         assert torch.equal(getattr(read, field), getattr(made, field)), field
 
@@ -171,8 +171,8 @@ def test_neighbours_of_few_points(cloud: np.ndarray) -> None:
 
 def test_a_table_in_other_columns_order_is_the_same(tmp_path: Path) -> None:
     T = se3.random_poses(4, torch.Generator().manual_seed(0))
-    origin = Provenance("a", "0", "1", {}, {}, 2, 0)
-    made = TrialTable(origin, se3.position_of(T), se3.quaternion_of(T), torch.arange(4) % 2, torch.arange(4), {})
+    provenance = Provenance("a", "0", "1", {}, {}, 2, 0)
+    made = TrialTable(provenance, se3.position_of(T), se3.quaternion_of(T), torch.arange(4) % 2, torch.arange(4), {})
     write_table(tmp_path / "a.parquet", made)
     table = pq.read_table(tmp_path / "a.parquet")
     unsealed = {KEY: table.schema.metadata[KEY]}
