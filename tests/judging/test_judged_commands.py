@@ -23,11 +23,14 @@ from spgf_torch.errors import InputError
 from spgf_torch.evaluate import _known, known_lines
 from spgf_torch.evaluate import run as evaluate
 from spgf_torch.experiment.config import EvaluateConfig
+from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.extras import PACKAGES
 from spgf_torch.formats.grasps_json import read_grasps
+from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.records import Grasp
 from spgf_torch.predict import run as predict
 from spgf_torch.predictor import Predictor
+from spgf_torch.proposing.hand_geometry import closing_region
 from spgf_torch.proposing.judge import load_judge
 from spgf_torch.proposing.judge_features import NAMES as NUMBERS
 from spgf_torch.proposing.judge_features import Seen, judge_features
@@ -198,12 +201,13 @@ def test_nothing_is_gripped_where_a_crop_box_cuts(place: Path) -> None:
 
 
 def over_the_cut(grasps: Sequence[Grasp]) -> int:
-    """How many hands have the plane x = 40 or -40 mm of the plate between their fingers."""
+    """How many hands have the plane x = 40 or -40 mm of the plate between their fingers, behind the pads."""
+    pads = {name: closing_region(volume).low for name, volume in open_hand(settings(HandConfig)).items()}
     edge = np.array([[x, y, 0.085] for x in (-0.04, 0.04) for y in np.linspace(-0.05, 0.05, 40)])
     count = 0
     for grasp in grasps:
         at = (edge - grasp.T_input_tcp[:3, 3]) @ grasp.T_input_tcp[:3, :3]
-        low, high = np.array([-0.01, -0.005, -0.04]), np.array([0.01, 0.005, -0.015])
+        low, high = np.array([-0.01, -0.005, -0.04]), np.array([0.01, 0.005, pads[grasp.type]])
         count += bool(((at > low) & (at < high)).all(1).any())
     return count
 
