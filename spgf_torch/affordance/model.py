@@ -1,7 +1,7 @@
 """Learning, asking and storing a grasp model: prototypes plus condensed shape-grasp particles.
 
 A model folder holds `model.safetensors` (tensors) and `model.json` (settings and provenance): nothing in either can run
-code when read. Each carries its own digest (`sealing`), and `model.json` that of the tensors which it belongs to.
+code when read. Each carries its own digest (`digests`), and `model.json` that of the tensors which it belongs to.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a network in training leaves on disk: checkpoints and tensors, each with its digest (`sealing`)."""
+"""What a network in training leaves on disk: checkpoints and tensors, each with its digest (`digests`)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files: bounded readers (`reading`, `parquet`, `mesh_files`, `ply`), atomic writers (`writing`), digests (`sealing`).
+"""Files: bounded readers (`reading`, `parquet`, `mesh_files`, `ply`), atomic writers (`writing`), and `digests`.
 
-`checks` are what readers of records share; `given` checks that the files which the settings name exist.
+`checks` are what readers of records share; `given_paths` checks that the files which the settings name exist.
 """

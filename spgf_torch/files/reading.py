@@ -61,7 +61,7 @@ def text(path: Path, what: str, largest: int = LARGEST_JSON) -> str:
 
 
 def json_values(path: Path, what: str, sealed: bool = False) -> Any:
-    """The content of a JSON file that should be `what`; with `sealed` held to its digest (`sealing`)."""
+    """The content of a JSON file that should be `what`; with `sealed` held to its digest (`digests`)."""
     content = text(path, what)
     if sealed:
         check_seal(path, what)

@@ -29,7 +29,7 @@ def executed(
     executed best of the other folds.
 
     Args:
-        fold: (objects,) int, of each object. fit: of each object, by its index, `fitting.fits`.
+        fold: (objects,) int, of each object. fit: of each object, by its index, `objects_that_fit.fits`.
     """
     best = validation_rows(rows, config)
     chance = rows.at(rows.home & (rows.round == config.rounds) & (rows.rank == PICKED))

@@ -4,7 +4,7 @@
 `clearance` tests what the open hand would touch; `propose` goes from texlets to ranked grasps.
 
 The other way, with a judge: `hand_geometry` is what the hand's shapes say of where it closes, `hypotheses` pushes it
-onto what is seen, `judge_features` describes each, `judge` (`trees`) says how likely it holds, `judged` ranks.
-`antipodal` ranks the same hypotheses without learning. `pushing` and `kernels` are the compiled loops of `hypotheses`
-and `judge_features`.
+onto what is seen, `judge_features` describes each, `judge` (`tree_ensembles`) says how likely it holds,
+`judge_proposer` ranks. `antipodal` ranks the same hypotheses without learning. `push_loops` and `hand_loops` are the
+compiled loops of `hypotheses` and `judge_features`.
 """

@@ -104,7 +104,7 @@ class Prototypes:
 
 
 def _fitted(vectors: Tensor, config: PrototypeConfig, seed: int) -> Tensor:
-    """The steps of `module.fit_prototypes`: a start, mini-batches over all vectors (N, D), Lloyd steps to the end."""
+    """The steps of `lightning_module.fit_prototypes`: a start, mini-batches over all vectors (N, D), Lloyd steps."""
     with one_thread():
         centres, counts = initial_centres(vectors, config, torch.Generator().manual_seed(seed))
         for epoch in range(config.epochs):

@@ -140,7 +140,7 @@ def write_columns(path: Path, columns: Mapping[str, Any], about: Mapping[bytes, 
 def read_table(path: Path) -> TrialTable:
     """The table in one file.
 
-    Raises InputError for a file that is missing, truncated, changed since it was written (`sealing`), or not a trial
+    Raises InputError for a file that is missing, truncated, changed since it was written (`digests`), or not a trial
     table of this schema.
     """
     if not path.is_file():
