@@ -57,8 +57,8 @@ def fit_calibration(
     """Platt scaling on grasps that the scores were not learned from.
 
     Args:
-        score (G,) f32, grasp_type (G,) int64, collides (G,) bool, success (G,) bool.
-        group (G,) int64: groups of objects, held out from each other to choose the bend; None: there is none.
+        score: (G,) f32, log-odds. grasp_type: (G,) int64. collides, success: (G,) bool.
+        group: (G,) int64, groups of objects, held out from each other to choose the bend; None: there is none.
     """
     columns = (score, collides, success, torch.zeros_like(grasp_type) if group is None else group)
     of_types = [[column[grasp_type == code] for column in columns] for code in range(len(GRASP_TYPES))]
