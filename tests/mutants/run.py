@@ -37,7 +37,7 @@ from scipy.stats import binomtest
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "outputs" / "mutants"
 
-RINGS = ["ring_grid", "moving_average", "relations", "alignment_runs", "alignment"]
+RINGS = ["ring_grid", "moving_average", "pairwise_relations", "alignment_runs", "alignment"]
 FEATURES = [*(f"ops/test_ops_{name}.py" for name in RINGS), "features", "ops/test_ops.py"]
 CLUSTERS = ["ops/test_ops.py", "prototypes"]
 CELLS = ["affordance", "ops/test_ops.py"]
