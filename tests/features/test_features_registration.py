@@ -4,6 +4,7 @@ import math
 import re
 import runpy
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -196,3 +197,16 @@ def test_the_example_of_the_docs(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_candidates_are_bounded() -> None:
     T = random_poses(200, draws(6)).double()
     assert len(agreed(T, torch.zeros(3, dtype=torch.float64))[0]) == registration.CANDIDATES
+
+
+def test_what_the_camera_looked_through() -> None:
+    """A wall 1 m before the eye, 40 mm wide: the eye's own place, half way, beside it; not on it, not behind it."""
+    side = torch.linspace(-0.02, 0.02, 9)
+    x, y = torch.meshgrid(side, side, indexing="ij")
+    wall = SimpleNamespace(
+        positions=torch.stack([x, y, torch.ones_like(x)], dim=-1).view(-1, 3), normals=torch.ones(81, 3)
+    )
+    points = torch.tensor([[0, 0, 0], [0, 0, 0.5], [0.04, 0, 1], [0, 0, 1], [0, 0, 1.5], [0, 0, 0.985], [0, 0, 0.995]])
+    seen = registration._View(wall, torch.zeros(3, dtype=torch.float64)).looked_through(points.double(), 0.01)
+    assert seen.tolist() == [True, True, True, False, False, True, False]
+    assert not registration._View(wall, None).looked_through(points.double(), 0.01).any()

@@ -1,5 +1,8 @@
 """The search for a start: it leaves local optima that Lloyd steps are caught in."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
@@ -162,3 +165,22 @@ def test_all_points_are_looked_at_where_they_are_few_enough() -> None:
     for allowed, sampled in ((500, 500), (499, 250)):
         config = settings(PrototypeConfig, num_clusters=2, subsample=allowed, restarts=2)
         assert initial_centres(points[:500], config, torch.Generator().manual_seed(0))[1].sum() == sampled
+
+
+@pytest.mark.parametrize(
+    ("centres", "cost", "dropped", "kept"),
+    [
+        ([0, 1, 5, 6.05], [1, 2, 9, 4], 1, [1, 2, 3]),
+        ([0, 1, 5, 6.05], [1, 2, 9, 4], 2, [1, 2]),
+        ([0, 1, 5, 6.05], [1, 2, 9, 4], 3, [2]),
+        ([0, 1, 10], [0, 0, 5], 2, [1]),
+        ([0, 1.2, 10, 11], [3, 4, 5, 6], 2, [1, 3]),
+    ],
+)
+def test_the_cheapest_go_but_no_neighbours(
+    centres: list[float], cost: list[float], dropped: int, kept: list[int]
+) -> None:
+    """Beside a centre that went, one as near as neighbours are goes last, even where nothing but it costs nothing."""
+    settled: Any = SimpleNamespace(centres=np.array(centres)[:, None], second=np.array(cost, float), distance=0.0)
+    summary: Any = SimpleNamespace(by_cluster=lambda settled, values: values.copy())
+    assert np.flatnonzero(_kept(summary, settled, dropped)).tolist() == kept
