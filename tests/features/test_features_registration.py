@@ -182,8 +182,14 @@ def test_what_cannot_be_registered_is_told() -> None:
     lone = Texlets(a.positions[:1], a.normals[:1])
     with pytest.raises(InputError, match="expected features in both views, got none in b"):
         register(a, lone)
-    with pytest.raises(InputError, match="matches >= 1"):
-        register(a, a, matches=0)
+    for asked, got in (
+        ({"matches": 0}, "0, 0.0075, 30"),
+        ({"near": 0.0}, "2, 0.0, 30"),
+        ({"steps": -1}, "2, 0.0075, -1"),
+    ):
+        with pytest.raises(InputError, match=f"matches >= 1, near > 0, steps >= 0; got {got}$"):
+            register(a, a, **asked)
+    assert register(a, a, matches=1, steps=0).overlap == 1
 
 
 def test_the_example_of_the_docs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.ops.kmeans_start import Weighted, settle
+from spgf_torch.prototypes import kmeans_search
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import inertia, lloyd
 from spgf_torch.prototypes.kmeans_search import (
@@ -184,3 +185,26 @@ def test_the_cheapest_go_but_no_neighbours(
     settled: Any = SimpleNamespace(centres=np.array(centres)[:, None], second=np.array(cost, float), distance=0.0)
     summary: Any = SimpleNamespace(by_cluster=lambda settled, values: values.copy())
     assert np.flatnonzero(_kept(summary, settled, dropped)).tolist() == kept
+
+
+def test_breathing_goes_on_while_it_gains_a_ten_thousandth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From 1000 to 999 is such a gain, with two centres in and out; then to 998.95 is none, so it goes on with one.
+
+    With one 998.8 is a gain on 999; the same again is none, and it ends. More than all but one centre never go.
+    """
+    tried: list[int] = []
+    inertias = iter([1000.0, 5.0, 999.0, 5.0, 998.95, 5.0, 998.8, 5.0, 998.8])
+
+    def settle(centres: np.ndarray) -> Settled:
+        return Settled(centres, next(inertias), *[np.zeros(0)] * 2, np.zeros(0, int))
+
+    def added(summary: Any, settled: Settled, count: int, generator: torch.Generator) -> np.ndarray:
+        tried.append(count)
+        return settled.centres[:count]
+
+    monkeypatch.setattr(kmeans_search, "_added", added)
+    monkeypatch.setattr(kmeans_search, "_kept", lambda summary, settled, dropped: np.arange(3))
+    summary: Any = SimpleNamespace(settle=settle)
+    start: Any = SimpleNamespace(centres=np.zeros((3, 2)))
+    best = breathe(summary, start, 9, torch.Generator())
+    assert tried == [2, 2, 1, 1] and best.inertia == 998.8
