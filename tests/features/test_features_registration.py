@@ -216,3 +216,13 @@ def test_what_the_camera_looked_through() -> None:
     seen = registration._View(wall, torch.zeros(3, dtype=torch.float64)).looked_through(points.double(), 0.01)
     assert seen.tolist() == [True, True, True, False, False, True, False]
     assert not registration._View(wall, None).looked_through(points.double(), 0.01).any()
+
+
+def test_the_best_candidates_are_refined_however_many_agree(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The true motion is the last of eight, five of which are refined: by no step here, so the others stay wrong."""
+    a, wrong = bracket(), torch.eye(4, dtype=torch.float64).repeat(8, 1, 1)
+    wrong[:7, 0, 3] = 0.01 * torch.arange(1, 8)
+    monkeypatch.setattr(registration, "matched_motions", lambda *views: wrong)
+    monkeypatch.setattr(registration, "agreed", lambda T, middle: (T, torch.arange(8, 0, -1)))
+    found = register(a, a, lambda positions, normals: None, steps=0)
+    assert torch.equal(found.T_a_b, torch.eye(4).double()) and (found.overlap, found.agreeing) == (1, 1)

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from spgf_torch.errors import InputError
+from spgf_torch.files.digests import sealed_json
 from spgf_torch.simulation import run_state as module
 from spgf_torch.simulation.run_state import RunState
 from spgf_torch.simulation.table import Provenance
@@ -112,3 +113,26 @@ def test_the_trials_of_all_objects_are_counted(tmp_path: Path) -> None:
         "can": {"digest": "another", "state": "failed", "trials": 4, "reason": "a reason"},
         "mug": {"digest": "digest", "state": "done", "trials": 6, "failures": ["one"]},
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"schema": 2},
+        {"objects": {"can": {"trials": 2}, "mug": {"trials": -1}}},
+        {"objects": {"mug": {}}},
+        {"made_with": MADE_WITH},
+        {"made_with": {"seed": 0, "versions": {}}},
+    ],
+)
+def test_a_manifest_that_was_not_left_by_this_program(change: dict[str, Any], tmp_path: Path) -> None:
+    """Of another schema, with fewer trials than none, without the versions or what trials are made with."""
+    its = state(tmp_path)
+    content = {"schema": 1, "made_with": its.made_with, "objects": {"mug": {"trials": 0, "state": "open"}}}
+    path = tmp_path / "manifest.json"
+    path.write_bytes(sealed_json(content, indent=1))
+    with its.open([]):
+        pass
+    path.write_bytes(sealed_json({**content, **change}, indent=1))
+    with pytest.raises(InputError, match=r"manifest.json: expected a manifest of simulate of schema 1, got"):
+        state(tmp_path).open([]).__enter__()
