@@ -130,3 +130,11 @@ def test_one_trial_that_raises_costs_its_own_outcome_alone() -> None:
     moved[:, 0, 3] = [0, 1, 2]
     result = try_chunk(Case.of(Toy("a"), TRIALS, "NPG", make), moved)
     assert result.outcomes == ["missed", None, "missed"] and result.reasons == {1: "ValueError: no such thing"}
+
+
+def test_a_process_ends_with_its_caller(process: WorkerProcess) -> None:
+    """Even where the caller is killed: its end of the connection is closed then."""
+    process.call(os.getpid)
+    assert process._process is not None and process._connection is not None
+    process._connection.close()
+    assert process._process.wait(timeout=5) == 0
