@@ -9,7 +9,7 @@ import torch
 
 from spgf_torch.affordance import model as affordance
 from spgf_torch.affordance.config import AffordanceConfig
-from spgf_torch.affordance.neighbourhood import Condensed, Counts, ShapeGraspSpace, analyse, condense
+from spgf_torch.affordance.neighbourhood import Condensed, Counts, ShapeGraspSpace, analyse, base_rates, condense
 from spgf_torch.affordance.pairs import CellPairs, cell_pairs, grid_of, shape_grasp_particles
 from spgf_torch.affordance.particles import Particles
 from spgf_torch.affordance.voting import NO_POINT, VotingIndex, cast_votes, counted_votes
@@ -108,6 +108,12 @@ def test_four_particles_by_hand() -> None:
     assert condensed.probability.tolist() == pytest.approx([2 / 3])
     assert condensed.support.tolist() == [3.0]
     assert condensed.base_rate.tolist() == pytest.approx([0.75, 0.0])
+
+
+def test_base_rates_by_hand() -> None:
+    """Two of three; one of one; of none 0."""
+    rates = [base_rates(torch.tensor(counts)).tolist() for counts in ([[2, 3], [1, 1]], [[0, 0], [1, 4]])]
+    assert rates == [pytest.approx([2 / 3, 1]), [0, 0.25]]
 
 
 def test_particles_without_outcomes_teach_nothing() -> None:

@@ -55,6 +55,7 @@ def test_samples_of_grasps() -> None:
     both = obj.sample_of_each_type(5, generator)
     assert torch.bincount(obj.grasp_type[both]).tolist() == [5, 5] and both.tolist() == sorted(set(both.tolist()))
     assert len(obj.sample(7, generator)) == 7 and obj.sample(100, generator).tolist() == list(range(40))
+    assert obj.of_grasps(torch.arange(40)) is obj  # nothing is copied
     some = obj.of_grasps(torch.tensor([3, 8]))
     assert some.outcomes.tolist() == [True, False] and some.grasp_type.tolist() == [1, 0]
 
@@ -81,6 +82,15 @@ def test_the_ranking_that_finds_successes_is_chosen(winner: str, paper: float, l
     knows, opposite = success.float(), (~success).float()
     scores = scores_of(knows if log_odds else opposite, knows if paper else opposite)
     assert choose([scores.calibrated(uncalibrated(torch.tensor([0.5, 0.5])))], [success], n=4) == winner
+
+
+def test_an_object_without_votes_counts_as_none_of_its_grasps() -> None:
+    """No ranking has a best grasp on the first object. On the second, `paper` finds one success, the others both."""
+    none, two = torch.full((4,), -torch.inf), torch.tensor([True, False, True, False])
+    paper, log_odds = torch.tensor([4.0, 3, 2, 1]), torch.tensor([4.0, 1, 3, 2])
+    scores = [scores_of(none), scores_of(log_odds, paper)]
+    known = [each.calibrated(uncalibrated(torch.tensor([0.5, 0.5]))) for each in scores]
+    assert choose(known, [torch.ones(4).bool(), two], n=2) != "paper"
 
 
 def test_an_object_is_calibrated_by_the_other_groups() -> None:
@@ -140,6 +150,32 @@ def test_nobody_is_asked_about_what_taught(monkeypatch: pytest.MonkeyPatch) -> N
         assert taught == prototypes and not {*taught} & {*asked}
         assert len(taught) == (2 if len(asked) == 4 else 4)
     assert all(each.chosen == "paper" for each in learned.scores)  # the first of equals
+
+
+def test_given_prototypes_are_those_of_the_fold_inside_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fold t is given prototypes 10 + t: those serve its two inner folds, too, and nothing is learned."""
+    monkeypatch.setattr("spgf_torch.experiment.experiment.TrainingSpace", Listening)
+    monkeypatch.setattr(Listening, "heard", [])
+    objects = [replace(example(40), relations=torch.full((1, 144), float(i))) for i in range(6)]
+    config = TrainConfig(N=10, inner_grasps=20, final_model=False, fold_models=False, affordance=None)
+    fit: Any = None
+
+    def given(test: int | None) -> Tensor:
+        assert test is not None
+        return torch.full((1, 144), 10.0 + test)
+
+    design = Design(FOLD, np.arange(6), limit=6)
+    sampled = [obj.of_grasps(torch.arange(20)) for obj in objects]
+    made = Experiment(config, design, [], objects, objects, sampled, fit, given)
+    assert not made.shares and replace(made, given=None).shares
+    learned = made.run(ProgressReporter())
+    heard = sorted((prototypes, taught, asked) for taught, prototypes, asked in Listening.heard)
+    assert heard == [
+        ([10], [1, 2, 4, 5], [0, 3]), ([10], [1, 4], [2, 5]), ([10], [2, 5], [1, 4]),
+        ([11], [0, 2, 3, 5], [1, 4]), ([11], [0, 3], [2, 5]), ([11], [2, 5], [0, 3]),
+        ([12], [0, 1, 3, 4], [2, 5]), ([12], [0, 3], [1, 4]), ([12], [1, 4], [0, 3]),
+    ]  # fmt: skip
+    assert len(learned.scores) == 6 and learned.model is None and not learned.of_fold
 
 
 def test_side_by_side_keeps_the_order_and_passes_errors_on() -> None:

@@ -42,3 +42,4 @@ def test_rates_of_an_object_by_hand(block: GraspObject) -> None:
     (outcome,) = outcomes_of([block], [executed], seconds=0.5)
     assert outcome.best == {"NPG": 0.5, "CG": 1.0}
     assert outcome.random == pytest.approx({"NPG": 0.0, "WPG": 0.5, "CG": 1 / 3})
+    assert executed.rate(torch.tensor([], dtype=torch.int64)) == 0

@@ -6,7 +6,7 @@ import torch
 from spgf_torch.errors import InputError
 from spgf_torch.features import fpfh as fpfh_module
 from spgf_torch.features.config import DESCRIPTORS, FeatureConfig
-from spgf_torch.features.descriptors import descriptor, library
+from spgf_torch.features.descriptors import descriptor, library, width
 from spgf_torch.features.interface import LocalFeatures
 from spgf_torch.geometry import se3
 from spgf_torch.settings import settings
@@ -39,7 +39,8 @@ def test_shapes_frames_and_the_lonely_one(name: str) -> None:
     found = described(name, positions, normals)
     N, T = len(positions), found.T_object_feature
     assert T.shape == (N, 4, 4) and found.valid.dtype == torch.bool
-    assert found.relations().shape[0] == N and found.relations().dtype == torch.float32
+    assert found.relations().shape == (N, width(settings(FeatureConfig, descriptor=name)))
+    assert found.relations().dtype == torch.float32
     assert found.relations().isfinite().all()
     assert torch.equal(T[:, :3, 3], positions) and torch.allclose(T[:, :3, 2], normals)
     assert torch.allclose(T[:, :3, :3] @ T[:, :3, :3].mT, torch.eye(3, dtype=T.dtype).expand(N, 3, 3), atol=1e-9)

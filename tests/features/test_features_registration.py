@@ -4,6 +4,7 @@ import math
 import re
 import runpy
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -181,8 +182,14 @@ def test_what_cannot_be_registered_is_told() -> None:
     lone = Texlets(a.positions[:1], a.normals[:1])
     with pytest.raises(InputError, match="expected features in both views, got none in b"):
         register(a, lone)
-    with pytest.raises(InputError, match="matches >= 1"):
-        register(a, a, matches=0)
+    for asked, got in (
+        ({"matches": 0}, "0, 0.0075, 30"),
+        ({"near": 0.0}, "2, 0.0, 30"),
+        ({"steps": -1}, "2, 0.0075, -1"),
+    ):
+        with pytest.raises(InputError, match=f"matches >= 1, near > 0, steps >= 0; got {got}$"):
+            register(a, a, **asked)
+    assert register(a, a, matches=1, steps=0).overlap == 1
 
 
 def test_the_example_of_the_docs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -196,3 +203,26 @@ def test_the_example_of_the_docs(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_candidates_are_bounded() -> None:
     T = random_poses(200, draws(6)).double()
     assert len(agreed(T, torch.zeros(3, dtype=torch.float64))[0]) == registration.CANDIDATES
+
+
+def test_what_the_camera_looked_through() -> None:
+    """A wall 1 m before the eye, 40 mm wide: the eye's own place, half way, beside it; not on it, not behind it."""
+    side = torch.linspace(-0.02, 0.02, 9)
+    x, y = torch.meshgrid(side, side, indexing="ij")
+    wall = SimpleNamespace(
+        positions=torch.stack([x, y, torch.ones_like(x)], dim=-1).view(-1, 3), normals=torch.ones(81, 3)
+    )
+    points = torch.tensor([[0, 0, 0], [0, 0, 0.5], [0.04, 0, 1], [0, 0, 1], [0, 0, 1.5], [0, 0, 0.985], [0, 0, 0.995]])
+    seen = registration._View(wall, torch.zeros(3, dtype=torch.float64)).looked_through(points.double(), 0.01)
+    assert seen.tolist() == [True, True, True, False, False, True, False]
+    assert not registration._View(wall, None).looked_through(points.double(), 0.01).any()
+
+
+def test_the_best_candidates_are_refined_however_many_agree(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The true motion is the last of eight, five of which are refined: by no step here, so the others stay wrong."""
+    a, wrong = bracket(), torch.eye(4, dtype=torch.float64).repeat(8, 1, 1)
+    wrong[:7, 0, 3] = 0.01 * torch.arange(1, 8)
+    monkeypatch.setattr(registration, "matched_motions", lambda *views: wrong)
+    monkeypatch.setattr(registration, "agreed", lambda T, middle: (T, torch.arange(8, 0, -1)))
+    found = register(a, a, lambda positions, normals: None, steps=0)
+    assert torch.equal(found.T_a_b, torch.eye(4).double()) and (found.overlap, found.agreeing) == (1, 1)

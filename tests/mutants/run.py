@@ -37,11 +37,12 @@ from scipy.stats import binomtest
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "outputs" / "mutants"
 
-RINGS = ["ring_grid", "moving_average", "relations", "alignment_runs", "alignment"]
+RINGS = ["ring_grid", "moving_average", "pairwise_relations", "alignment_runs", "alignment"]
 FEATURES = [*(f"ops/test_ops_{name}.py" for name in RINGS), "features", "ops/test_ops.py"]
 CLUSTERS = ["ops/test_ops.py", "prototypes"]
 CELLS = ["affordance", "ops/test_ops.py"]
 LEARNER = ["affordance", "experiment/test_leakage.py", "experiment/test_golden.py"]
+QUICK = ["phases", "worker", "run_state", "table", "one_finger", "seeds"]
 
 # The tests nearest to a module: those of the longest beginning of its name, the quick ones first.
 NEAREST = {
@@ -61,7 +62,7 @@ NEAREST = {
     "affordance/": LEARNER,
     "proposing/": ["proposing"],
     "experiment/": ["experiment/test_leakage.py", "experiment/test_cross_validation.py", "experiment"],
-    "simulation/": ["simulation/test_one_finger.py", "simulation/test_seeds.py", "simulation"],
+    "simulation/": [*(f"simulation/test_{name}.py" for name in QUICK), "simulation"],
 }
 PACKAGES = ("features", "ops", "prototypes", "affordance", "proposing", "experiment", "simulation")
 

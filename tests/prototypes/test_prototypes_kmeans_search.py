@@ -1,11 +1,15 @@
 """The search for a start: it leaves local optima that Lloyd steps are caught in."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
 from spgf_torch.ops.kmeans_start import Weighted, settle
+from spgf_torch.prototypes import kmeans_search
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import inertia, lloyd
 from spgf_torch.prototypes.kmeans_search import (
@@ -162,3 +166,45 @@ def test_all_points_are_looked_at_where_they_are_few_enough() -> None:
     for allowed, sampled in ((500, 500), (499, 250)):
         config = settings(PrototypeConfig, num_clusters=2, subsample=allowed, restarts=2)
         assert initial_centres(points[:500], config, torch.Generator().manual_seed(0))[1].sum() == sampled
+
+
+@pytest.mark.parametrize(
+    ("centres", "cost", "dropped", "kept"),
+    [
+        ([0, 1, 5, 6.05], [1, 2, 9, 4], 1, [1, 2, 3]),
+        ([0, 1, 5, 6.05], [1, 2, 9, 4], 2, [1, 2]),
+        ([0, 1, 5, 6.05], [1, 2, 9, 4], 3, [2]),
+        ([0, 1, 10], [0, 0, 5], 2, [1]),
+        ([0, 1.2, 10, 11], [3, 4, 5, 6], 2, [1, 3]),
+    ],
+)
+def test_the_cheapest_go_but_no_neighbours(
+    centres: list[float], cost: list[float], dropped: int, kept: list[int]
+) -> None:
+    """Beside a centre that went, one as near as neighbours are goes last, even where nothing but it costs nothing."""
+    settled: Any = SimpleNamespace(centres=np.array(centres)[:, None], second=np.array(cost, float), distance=0.0)
+    summary: Any = SimpleNamespace(by_cluster=lambda settled, values: values.copy())
+    assert np.flatnonzero(_kept(summary, settled, dropped)).tolist() == kept
+
+
+def test_breathing_goes_on_while_it_gains_a_ten_thousandth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From 1000 to 999 is such a gain, with two centres in and out; then to 998.95 is none, so it goes on with one.
+
+    With one 998.8 is a gain on 999; the same again is none, and it ends. More than all but one centre never go.
+    """
+    tried: list[int] = []
+    inertias = iter([1000.0, 5.0, 999.0, 5.0, 998.95, 5.0, 998.8, 5.0, 998.8])
+
+    def settle(centres: np.ndarray) -> Settled:
+        return Settled(centres, next(inertias), *[np.zeros(0)] * 2, np.zeros(0, int))
+
+    def added(summary: Any, settled: Settled, count: int, generator: torch.Generator) -> np.ndarray:
+        tried.append(count)
+        return settled.centres[:count]
+
+    monkeypatch.setattr(kmeans_search, "_added", added)
+    monkeypatch.setattr(kmeans_search, "_kept", lambda summary, settled, dropped: np.arange(3))
+    summary: Any = SimpleNamespace(settle=settle)
+    start: Any = SimpleNamespace(centres=np.zeros((3, 2)))
+    best = breathe(summary, start, 9, torch.Generator())
+    assert tried == [2, 2, 1, 1] and best.inertia == 998.8

@@ -123,3 +123,11 @@ def test_the_neighbours_of_the_bend_tell_concave_from_convex() -> None:
     ring[0, 7:14, 0] = -8, -7, -6, -5, -4, 70, 0
     ring[0, 10, 1], ring[0, 12, 1] = 20, 90
     assert ring_shape(ring).alpha1_deg == pytest.approx(-5) and ring_shape(ring).name == "inner surface"
+
+
+@pytest.mark.parametrize(("height", "twins"), [(4.4, {0: 1, 1: 0}), (4.5, {})])
+def test_twins_come_to_half_of_their_distance_once_one_is_mirrored(height: float, twins: dict[int, int]) -> None:
+    """2 in cell 1, and in cell -1 of the other 4.4: 4.83 apart, mirrored 2.4. With 4.5 4.92 and 2.5, more than half."""
+    rings = np.zeros((2, 1, 8, 2))
+    rings[0, 0, 1, 1], rings[1, 0, -1, 1] = 2, height
+    assert mirror_twins(rings) == twins

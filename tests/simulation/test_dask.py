@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from generations import Calls, tables
@@ -77,3 +78,24 @@ def test_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("spgf_torch.simulation.executors.PATIENCE", 0.2)
     with pytest.raises(InputError, match=r"address: expected a Dask scheduler that answers, got tcp://127\.0\.0\.1:9"):
         DaskExecutor("tcp://127.0.0.1:9")
+
+
+def test_one_worker_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And none is not; then nothing stays connected."""
+    there, closed = 1, False
+
+    def wait_for_workers(count: int, timeout: float) -> None:
+        if count > there:
+            raise TimeoutError
+
+    def close() -> None:
+        nonlocal closed
+        closed = True
+
+    client = SimpleNamespace(wait_for_workers=wait_for_workers, close=close)
+    monkeypatch.setattr("distributed.Client", lambda address, **settings: client)
+    assert DaskExecutor("tcp://here:1").client is client and not closed
+    there = 0
+    with pytest.raises(InputError, match=r"expected a Dask scheduler with workers, got none at tcp://here:1"):
+        DaskExecutor("tcp://here:1")
+    assert closed

@@ -6,6 +6,7 @@ import random
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from generations import Calls, manifest, tables
 from toys import TRIALS, WORDS, Toy, checksum, toss
@@ -13,9 +14,10 @@ from toys import TRIALS, WORDS, Toy, checksum, toss
 from spgf_torch.errors import InputError
 from spgf_torch.simulation.execute import sample
 from spgf_torch.simulation.executors import InlineExecutor, ProcessExecutor, Task
+from spgf_torch.simulation.generation import _missing
 from spgf_torch.simulation.run_state import RunState
 from spgf_torch.simulation.table import read_table
-from spgf_torch.simulation.worker import ChunkResult, try_chunk
+from spgf_torch.simulation.worker import Case, ChunkResult, try_chunk
 
 N = 12  # candidates of each type
 
@@ -178,3 +180,55 @@ def test_a_manifest_of_something_else(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=r"manifest.json: expected a manifest of simulate"):
             toys(Toy("a")).make(tmp_path, InlineExecutor())
         assert [path.name for path in tmp_path.iterdir()] == ["manifest.json"]
+
+
+@pytest.mark.parametrize(
+    ("chunk", "expected"),
+    [
+        (1, [(0, 1), (1, 2), (3, 4), (4, 5), (6, 7), (7, 8)]),
+        (2, [(0, 2), (3, 4), (4, 5), (6, 8)]),
+        (100, [(0, 2), (3, 4), (4, 5), (6, 8)]),
+    ],
+)
+def test_chunks_are_of_missing_rows_of_one_type(chunk: int, expected: list[tuple[int, int]]) -> None:
+    """Four candidates a type; rows 2 and 5 have an outcome, so 3 and 4 stand together, but are of two types."""
+    rows = [None, None, "missed", None, None, "dropped", None, None]
+    assert list(_missing(rows, 4, chunk)) == expected
+    assert list(_missing(["missed"] * 8, 4, chunk)) == []
+
+
+def test_progress_counts_every_candidate_once(tmp_path: Path) -> None:
+    """Of what runs chunk by chunk, what cannot be made, what has no candidates, and what is there already."""
+
+    class Bare(Toy):
+        @property
+        def mesh(self) -> None:
+            raise ValueError("no surface")
+
+    told: list[int] = []
+    calls = toys(Toy("a"), Toy("odd", unmade="raise"), Bare("bare"))
+    run_state, ran = calls.make(tmp_path, InlineExecutor(), progress=told.append)
+    assert told == [0, 5, 5, 2, 5, 5, 2, 0, 24, 24] and ran == 24
+    assert run_state.objects["bare"]["reason"] == "no candidates: ValueError: no surface"
+    told.clear()
+    with pytest.raises(KeyboardInterrupt):
+        toys(Toy("b")).make(tmp_path / "b", Ending(2), progress=told.append)
+    toys(Toy("b")).make(tmp_path / "b", InlineExecutor(), chunk=100, progress=told.append)
+    assert told == [0, 5, 5, 10, 2, 12]
+
+
+def test_few_tasks_are_taken_ahead(tmp_path: Path) -> None:
+    """Two for each process: of six tasks one process has two when the first ends, and a third at most then."""
+    taken: list[int] = []
+
+    def tasks() -> Iterator[Task]:
+        for number in range(6):
+            taken.append(number)
+            case = Case.of(Toy("a"), TRIALS, "NPG", toss)
+            yield Task(number, case, np.eye(4, dtype=np.float32)[None])
+
+    results = ProcessExecutor(1).run(tasks())
+    assert next(results)[0].name == 0 and len(taken) == 2
+    assert next(results)[0].name == 1 and len(taken) <= 3
+    results.close()
+    assert len(taken) <= 3

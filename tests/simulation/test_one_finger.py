@@ -1,23 +1,13 @@
 """A grasp needs both fingers: what one alone presses on is not held."""
 
 import numpy as np
-import pytest
 import trimesh
-from trial_objects import from_above, jaw_settings, parallel_jaw, solid
+from trial_objects import from_above, solid
 
-from spgf_torch.hands.config import HandConfig
-from spgf_torch.hands.hand import Hand, load_hand
-from spgf_torch.settings import settings, typed
+from spgf_torch.hands.hand import Hand
+from spgf_torch.settings import settings
 from spgf_torch.simulation.config import EpisodeConfig
 from spgf_torch.simulation.episode import Simulator, Trial
-
-
-@pytest.fixture(scope="module")
-def jaw(tmp_path_factory: pytest.TempPathFactory) -> Hand:
-    """Its fingers close to the middle and no further."""
-    path = tmp_path_factory.mktemp("jaw") / "jaw.urdf"
-    path.write_text(parallel_jaw())
-    return load_hand(typed(HandConfig, jaw_settings(str(path))))
 
 
 def test_what_one_finger_presses_on_is_missed(jaw: Hand) -> None:

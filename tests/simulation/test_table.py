@@ -8,7 +8,16 @@ import pytest
 import torch
 
 from spgf_torch.errors import InputError
-from spgf_torch.simulation.table import KEY, Provenance, TrialTable, read_table, read_tables, table_path, write_table
+from spgf_torch.simulation.table import (
+    KEY,
+    Provenance,
+    TrialTable,
+    check_poses,
+    read_table,
+    read_tables,
+    table_path,
+    write_table,
+)
 
 PROVENANCE = Provenance("mug", "d" * 64, "h" * 64, {"jitter": 0.005}, {"dt": 0.002, "friction": 0.6}, 3, 0)
 
@@ -116,3 +125,17 @@ def test_damaged_content_is_refused(tmp_path, table, change, message):
     with pytest.raises(InputError, match=message) as error:
         read_table(path)
     assert "mug.parquet" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_quaternions_may_be_a_thousandth_off(tmp_path):
+    """Half a thousandth too long or too short is rounding, 1.5 thousandths of one row are not; no row is none."""
+    position, unit = torch.zeros(3, 3), torch.tensor([0.6, 0.0, -0.8, 0.0])
+    for scale in (1.0005, 0.9995):
+        check_poses(tmp_path, position, torch.stack([unit, unit * scale, unit]))
+    for scale, length in ((1.0015, "1 to 1.00"), (0.9985, "0.9985 to 1$")):
+        with pytest.raises(InputError, match=rf"expected quaternions of length 1, got {length}"):
+            check_poses(tmp_path, position, torch.stack([unit, unit, unit * scale]))
+    check_poses(tmp_path, position[:0], unit[None][:0])
+    for bad in (torch.inf, torch.nan):
+        with pytest.raises(InputError, match="finite poses"):
+            check_poses(tmp_path, torch.full((3, 3), bad), unit.repeat(3, 1))
