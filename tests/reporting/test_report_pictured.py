@@ -42,7 +42,7 @@ def test_a_fold_of_the_wanted_k_is_shown_with_what_it_has_not_seen(tmp_path: Pat
     with pytest.raises(InputError, match="fold: expected one of 0, 1, got 2"):
         check_asked(context(tmp_path, notes, fold=2, K=4))
     with pytest.raises(
-        InputError, match=r"fold: expected a run of K = 3 that keeps .* got none that could show fold 0"
+        InputError, match=r"fold: expected a run of K = 3 .pictured. that keeps .* got none that could show fold 0"
     ):
         check_asked(context(tmp_path, notes, fold=0, K=3))
     with pytest.raises(InputError, match=r"^pictured: expected a K of runs with a model \(3, 4\), got 5$"):

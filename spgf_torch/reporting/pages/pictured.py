@@ -95,7 +95,7 @@ def check_asked(context: Context) -> None:
         return
     if (run := _with_folds(context)) is None:
         raise InputError(
-            f"fold: expected a run of K = {_wanted(context)[0]} that keeps the models of its folds "
+            f"fold: expected a run of K = {_wanted(context)[0]} (pictured) that keeps the models of its folds "
             f"(train fold_models=true), got none that could show fold {fold}"
         )
     _fold(context, run)
