@@ -1,6 +1,6 @@
 """Two views of an object brought together by their features alone: no model, no grasps, no RANSAC.
 
-    python docs/registration.py [OBJECT] [APART] [PICTURE]      mug_coffee; deg: 50; registration.png
+    python docs/registration.py [OBJECT] [APART] [PICTURE]      saucepan, 50 deg, outputs/registration.png
 
 Two simulated depth cameras, APART degrees of azimuth apart, look at the object; each knows only its own frame. Of your
 own clouds, (N, 3), m, camera frame, of one thing without its table, `Scene.from_points(cloud, (0, 0, 0)).texlets` is a
@@ -73,11 +73,12 @@ def main(name: str, apart_deg: float, picture: Path) -> None:
     turned = float(relative_angle(found.T_a_b, truth).rad2deg())
     print(f"off by {turned:.1f} deg and {1000 * float(off.norm()):.1f} mm")
     draw(picture, a.positions, b.positions, found.T_a_b)
+    print(f"picture in {picture}")
 
 
 if __name__ == "__main__":
     try:
-        name, apart, picture = [*sys.argv[1:], *("saucepan", "50", "registration.png")[len(sys.argv) - 1 :]]
+        name, apart, picture = [*sys.argv[1:], *("saucepan", "50", "outputs/registration.png")[len(sys.argv) - 1 :]]
         main(name, float(apart), Path(picture))
     except (InputError, ValueError) as error:
         sys.exit(f"registration: {error}")

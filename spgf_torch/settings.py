@@ -134,6 +134,7 @@ def _plain(values: Any) -> Any:
 
 # OmegaConf's words in ours.
 _WORDS = {
+    r"^Value '(.*)' is not a valid bool \(type \w+\)$": r"expected true or false, got \1",
     r"^Value '(.*)' of type '\w+' could not be converted to (\w+)$": r"expected a value of type \2, got \1",
     r"^Incompatible value '(.*)' for field of type '(\w+)'$": r"expected a value of type \2, got \1",
     r"^Cannot convert '(\w+)' to string: '(.*)'$": r"expected text, got \2",
@@ -155,7 +156,7 @@ def _one_line(error: OmegaConfBaseException) -> str:
     for pattern, words in _WORDS.items():
         message = re.sub(pattern, words, message)
     key = getattr(error, "full_key", None)
-    return f"{key}: {message}" if key and str(key) not in message else message
+    return f"{key}: {message}" if key and not message.startswith(f"{key}:") else message
 
 
 def _check_literal(value: Any, name: str) -> None:

@@ -20,7 +20,7 @@ from spgf_torch.cli.command import run_command, write_settings
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.extras import needed
-from spgf_torch.files.given_paths import check_folder
+from spgf_torch.files.given_paths import check_folder, check_model
 from spgf_torch.paths import root
 from spgf_torch.progress import ProgressReporter, show
 
@@ -42,7 +42,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     _check_constellations(config)
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
     if config.prototypes_from is not None:
-        check_folder("prototypes_from", config.prototypes_from, "the folder of a model that train left")
+        check_model("prototypes_from", config.prototypes_from)
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
     _check_judge(config)
 
@@ -50,9 +50,11 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.cache import Cache
     from spgf_torch.evaluation.files import write_results
     from spgf_torch.evaluation.tables import calibration_lines, chosen_line, judge_lines, results_table
+    from spgf_torch.experiment.dictionary import check_dictionary
     from spgf_torch.objects.folders import read_objects
 
     check_device(config.device)
+    check_dictionary(config)
     start, stages = time.perf_counter(), ProgressReporter()
     cache = Cache.open(config.cache, config.cache_gb)
     found = read_objects(config, stages, cache)

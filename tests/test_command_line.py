@@ -136,7 +136,11 @@ def test_a_name_that_is_not_there(name: str) -> None:
 @pytest.mark.parametrize("command", KINDS)
 def test_every_path_setting_of_every_command(command: str) -> None:
     paths = {"predict": ["input", "model", "intrinsics", "poses", "mask"], "evaluate": ["objects", "model", "cache"]}
-    paths |= {"train": ["objects", "trials", "cache"], "simulate": ["objects", "out"], "report": ["runs"]}
+    paths |= {
+        "train": ["objects", "trials", "cache", "prototypes_from"],
+        "simulate": ["objects", "out"],
+        "report": ["runs"],
+    }
     paths |= {"export": ["objects", "trials", "out"], "baseline": ["export", "checkpoints"]}
     needed = {"predict": ["input=x"], "evaluate": ["objects=x"]}.get(command, [])
     for key in paths[command]:
@@ -164,6 +168,9 @@ def test_hydras_own_forms_go_on_working() -> None:
     assert config("export", "format=[acronym,isaac]").format == ["acronym", "isaac"]
     assert config("train", "+ablation=noise_none", "features.radius=0.02", "hand.openings.NPG=0.05").features.radius
     assert config("report", "objects=2").objects == 2
+    run = "outputs/train/2026-11-29_07-50-04.000000_K=20"
+    assert config("train", f"prototypes_from={run}").prototypes_from == run
+    assert translated("train", TrainConfig, ["-m", "+ablation=glob(noise*)"]) == ["-m", "+ablation=glob(noise*)"]
     assert translated("train", TrainConfig, ["-m", "K=5,10"]) == ["-m", "K=5,10"]
     assert translated("evaluate", EvaluateConfig, ["objects=a b,c", "-m"]) == ["-m", "objects='a b','c'"]
     assert translated("report", ReportConfig, ["runs=[a,b],[c]", "-m"]) == ["-m", "runs=['a','b'],['c']"]
@@ -190,6 +197,10 @@ def test_hydras_own_forms_go_on_working() -> None:
         ("predict", ["input=a", "viewpoints=[[0,0,0"], ["viewpoints: "]),
         ("predict", ["--cfg", "nosuch"], ["--cfg"]),
         ("train", ["=3"], ["=: "]),
+        ("train", ["-m", "seed=range(0)"], ["seed: expected at least one value to try, got none in range(0)"]),
+        ("train", ["-m", "seed=range(3,3)"], ["seed: expected at least one value"]),
+        ("train", ["-m", "seed=range(0,3,0)"], ["seed: expected at least one value"]),
+        ("train", ["-m", "+ablation=glob(nosuch*)"], ["ablation: expected at least one value"]),
         ("predict", [""], ["no key"]),
     ],
 )

@@ -106,6 +106,8 @@ def test_commands_compose() -> None:
         ("seed=-1", ["seed", "got -1"]),
         ("+features.bogus=1", ["features.bogus", "FeatureConfig"]),
         ("folds=1", ["folds", "2 to 50"]),
+        ("classwise=maybe", ["classwise: expected true or false, got maybe"]),
+        ("seed=seed", ["seed: expected a value of type Integer, got seed"]),
         ("device=3.5.1", []),
     ],
 )

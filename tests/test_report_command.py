@@ -108,9 +108,15 @@ def test_a_browser_opens_the_page_without_errors(
 
 
 @pytest.mark.parametrize(
-    ("overrides", "words"), [(["runs=nowhere"], ["runs", "nowhere"]), (["worst=0"], ["worst", "1 to 100", "got 0"])]
+    ("overrides", "words"),
+    [
+        (["runs=nowhere"], ["runs", "nowhere"]),
+        (["worst=0"], ["worst", "1 to 100", "got 0"]),
+        (["runs=run", "pictured=99"], ["pictured: expected a K of runs with a model (3), got 99"]),
+    ],
 )
 def test_unusable_input_is_one_line(overrides: list[str], words: list[str], tmp_path: Path) -> None:
+    write_run(tmp_path / "run", K=3)
     done = report(*overrides, cwd=tmp_path)
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
     assert all(word in done.stderr for word in words)
@@ -127,8 +133,8 @@ def test_torn_files_leave_their_figures_out(tmp_path: Path) -> None:
         rates[0],
         rates,
         None,
-        pictured=10,
-        fold=0,
+        pictured=None,
+        fold=None,
         objects=1,
         worst=1,
         grasps=4,

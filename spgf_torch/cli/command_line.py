@@ -17,7 +17,7 @@ from typing import Any, get_type_hints
 
 from hydra._internal.utils import get_args_parser
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, Quote, QuotedString
+from hydra.core.override_parser.types import Glob, Override, Quote, QuotedString, RangeSweep
 from hydra.errors import HydraException
 
 from spgf_torch.errors import InputError
@@ -27,7 +27,7 @@ from spgf_torch.paths import root
 # Settings that name files or folders, in any command.
 _SCENE = {"input", "model", "intrinsics", "poses", "mask", "segments"}
 _FOLDERS = {"objects", "trials", "own_trials", "runs", "out", "export", "checkpoints", "cache", "baseline", "judge"}
-PATHS = _SCENE | _FOLDERS | {"hand.urdf", "hydra.run.dir", "hydra.sweep.dir"}
+PATHS = _SCENE | _FOLDERS | {"prototypes_from", "hand.urdf", "hydra.run.dir", "hydra.sweep.dir"}
 # Of these, what may hold numbers instead.
 NUMBERS = frozenset(["intrinsics", "poses"])
 # What a command is about: where a word without a key belongs.
@@ -148,6 +148,17 @@ def _check_grammar(command: str, name: str, override: str, value: str, sweep: bo
         raise InputError(f"{name}: expected a value that Hydra can read, got {got}") from None
     if isinstance(parsed, Override) and parsed.is_sweep_override() and not sweep:
         raise InputError(f"{name}: expected one value, or a list {name}=[{value}], or -m to try each; got {value}")
+    if isinstance(parsed, Override) and _has_no_value(name, parsed):
+        raise InputError(f"{name}: expected at least one value to try, got none in {value}")
+
+
+def _has_no_value(name: str, sweep: Override) -> bool:
+    """Whether a range is empty, or no option of a group has a name that is asked for: Hydra would run no job."""
+    wanted = sweep.value()
+    if isinstance(wanted, RangeSweep):
+        return wanted.step == 0 or next(iter(wanted.range()), None) is None
+    options = [path.stem for path in (root() / "conf" / re.split("[@:]", name)[0]).glob("*.yaml")]
+    return isinstance(wanted, Glob) and not wanted.filter(options)
 
 
 # Paths

@@ -54,16 +54,21 @@ class Dictionary:
         return f"prototypes {whose}, which has seen none of the novel objects"
 
 
+def check_dictionary(config: TrainConfig) -> None:
+    """Raise InputError where the model in `config.prototypes_from` is damaged, or of other features or another K."""
+    if config.prototypes_from is not None:
+        _check(config, load_model(find(config.prototypes_from), config.device))
+
+
 def load_dictionary(config: TrainConfig, design: Design, objects: Sequence[GraspObject]) -> Dictionary | None:
     """The prototypes of the model in `config.prototypes_from`; None where it is not set.
 
-    Raises InputError where there is none, it is damaged, or was made with other settings of features or another K.
+    Raises InputError where there is none or it is damaged; `check_dictionary` says before whether it fits.
     """
     if config.prototypes_from is None:
         return None
     folder = find(config.prototypes_from)
     model = load_model(folder, config.device)
-    _check(config, model)
     same = _same_folds(folder, config, design, objects)
     of_fold = {fold: each.centres for fold, each in same.items()}
     taught = model.settings.get("taught")  # older models do not say

@@ -40,6 +40,18 @@ def check_folder(name: str, path: str, what: str) -> None:
         raise InputError(f"{name}: expected {what}, got {got} at {path}")
 
 
+def check_model(name: str, path: str) -> None:
+    """InputError unless `path`, the setting `name`, is a folder with a model of all objects, as far as names tell."""
+    expected = "the folder of a model that train left (final_model=true, the default, keeps one)"
+    if not path:
+        raise InputError(f"{name}: expected {expected}, got no name")
+    check_folder(name, path, expected)
+    folder = find(path)
+    if missing := [each for each in MODEL if not (folder / each).is_file()]:
+        got = "a judge alone" if _any_of(JUDGE, folder) and len(missing) == len(MODEL) else f"no {missing[0]}"
+        raise InputError(f"{name}: expected {expected}, got {got} at {path}")
+
+
 def model_and_judge(model: str | Path, judge: str | Path | None) -> tuple[Path | None, Path | None]:
     """The folders of the votes' model and of the judge that ranks; one of them may be None.
 

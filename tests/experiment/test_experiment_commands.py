@@ -173,11 +173,17 @@ def test_prototypes_that_do_not_fit(small: Path, monkeypatch: pytest.MonkeyPatch
     (tmp_path / "trials").symlink_to(small / "trials")
     (tmp_path / "model").symlink_to((small / "outputs/train/latest").resolve())
     monkeypatch.chdir(tmp_path)
+    for folder, name in (("bare", "results.json"), ("judged", "judge.json")):
+        Path(folder).mkdir()
+        Path(folder, name).write_text("{}")
     given = ["objects=objects", "trials=trials", *TINY, "prototypes_from=model"]
     for words, changed in (
         (["K: expected 4, the number of prototypes of model, got 5"], "K=5"),
         (["features.radius: expected 0.03, as the prototypes of model", "got 0.02"], "features.radius=0.02"),
         (["prototypes_from", "nothing there at none"], "prototypes_from=none"),
+        (["prototypes_from: ", "final_model=true", "got no name"], "prototypes_from="),
+        (["prototypes_from: ", "final_model=true", "no model.json at bare"], "prototypes_from=bare"),
+        (["prototypes_from: ", "final_model=true", "a judge alone at judged"], "prototypes_from=judged"),
     ):
         says(train, TrainConfig, words, "train", *given, changed)
         Path("run").rmdir()

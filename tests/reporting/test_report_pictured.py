@@ -15,14 +15,14 @@ from spgf_torch.reporting.data.runs import Notes, load_runs
 from spgf_torch.reporting.data.sweep import find_sweep
 from spgf_torch.reporting.figures.learned import Members
 from spgf_torch.reporting.pages.context import Context, choose
-from spgf_torch.reporting.pages.pictured import looks, pictured, some_objects
+from spgf_torch.reporting.pages.pictured import check_asked, looks, pictured, some_objects
 
 CLASSES = {"mug": "containers", "jar": "containers", "can": "containers", "tin": "boxes", "egg": "curved"}
 OBJECTS: Any = {name: SimpleNamespace(name=name, category=of, digest=name[::-1]) for name, of in CLASSES.items()}
 
 
-def context(folder: Path, notes: Notes, fold: int = 1) -> Context:
-    config = ReportConfig(str(folder), "nested", ["paper"], None, 4, fold, 1, 1, 4, 5, 100, 0)
+def context(folder: Path, notes: Notes, fold: int | None = None, K: int | None = None) -> Context:
+    config = ReportConfig(str(folder), "nested", ["paper"], None, K, fold, 1, 1, 4, 5, 100, 0)
     return choose(config, find_sweep(load_runs(config.runs, notes), 100, 0, notes), notes)
 
 
@@ -33,19 +33,28 @@ def test_a_fold_of_the_wanted_k_is_shown_with_what_it_has_not_seen(tmp_path: Pat
     models = {fold: tiny_model(K, train_config(K)) for fold, K in ((0, 3), (1, 4))}
     strange = SimpleNamespace(name="egg", category="curved", digest="another")
     save_fold_models(models, [OBJECTS["mug"], OBJECTS["jar"], strange], [0, 1, 1], run)  # type: ignore[list-item]
-    shown = pictured(context(tmp_path, notes), OBJECTS)
+    shown = pictured(context(tmp_path, notes, fold=1, K=4), OBJECTS)
     assert (shown.run.K, shown.fold, [obj.name for obj in shown.novel]) == (4, 1, ["jar"])
     assert [look.name for look in shown.looks] == ["surface 0", "wall 1", "rim 2", "rim 3"] and not notes.lines
     assert len({look.colour for look in shown.looks}) == 4 and shown.whose == "the model of fold 1, K = 4"
+    assert pictured(context(tmp_path, notes, K=4), OBJECTS).fold == 0
+    check_asked(context(tmp_path, notes, fold=1, K=4))
     with pytest.raises(InputError, match="fold: expected one of 0, 1, got 2"):
-        pictured(context(tmp_path, notes, fold=2), OBJECTS)
+        check_asked(context(tmp_path, notes, fold=2, K=4))
+    with pytest.raises(
+        InputError, match=r"fold: expected a run of K = 3 .pictured. that keeps .* got none that could show fold 0"
+    ):
+        check_asked(context(tmp_path, notes, fold=0, K=3))
+    with pytest.raises(InputError, match=r"^pictured: expected a K of runs with a model \(3, 4\), got 5$"):
+        check_asked(context(tmp_path, notes, K=5))
 
 
 def test_without_models_of_folds_that_of_all_objects_is_shown_and_told(tmp_path: Path) -> None:
     write_run(tmp_path / "run", K=3)
     shown = pictured(context(tmp_path, notes := Notes()), OBJECTS)
     assert shown.fold is None and not shown.novel and shown.members is None
-    assert len(notes.lines) == 1 and "train +K=4 fold_models=true" in notes.lines[0]
+    check_asked(context(tmp_path, notes))
+    assert len(notes.lines) == 1 and "train +K=10 fold_models=true" in notes.lines[0]
 
 
 def test_notes_tell_shares_and_twins() -> None:

@@ -86,6 +86,10 @@ def test_other_data_are_left_out_with_one_line(folder: Path) -> None:
     runs, lines = loaded(str(folder))
     assert [run.K for run in runs] == [3, 5]
     assert len(lines) == 1 and "_old" in lines[0] and "other objects, trials or N" in lines[0]
+    for K in (11, 12, 13):
+        write_run(folder / f"2026-01-01_00-00-00.0000{K}_old", K=K, dataset="other", model=False)
+    _, lines = loaded(str(folder))
+    assert "left out: 4 runs: other objects, trials or N than the newest run" in lines[0] and "_old" not in lines[0]
 
 
 def test_a_ranking_that_some_runs_lack_is_told(folder: Path) -> None:

@@ -44,6 +44,7 @@ class Notes:
 # What the report needs of a run's settings; the learned baseline's have no features.
 _PICTURED = {"objects": str, "sensing": dict, "features": dict, "hand.openings": dict}
 WIDEST = 1.0  # m between the fingers of a hand
+FEW = 3  # runs of other data that are told by name
 MOST = 2**53  # of counts and seeds: beyond it JSON's numbers are not exact
 
 
@@ -202,9 +203,10 @@ def _of_one_dataset(runs: list[Run], tell: Tell) -> list[Run]:
     newest = runs[-1]
     kept = [run for run in runs if (run.dataset, run.N) == (newest.dataset, newest.N)]
     if others := [run.folder.name for run in runs if run not in kept]:
+        which = ", ".join(others) if len(others) <= FEW else f"{len(others)} runs"
         tell(
-            f"left out: {', '.join(others)}: other objects, trials or N than the newest run, {newest.folder.name}; "
-            "their rates do not belong in one table"
+            f"left out: {which}: other objects, trials or N than the newest run, {newest.folder.name}; "
+            "runs=FOLDER or runs=[FOLDER,...] chooses"
         )
     return kept
 

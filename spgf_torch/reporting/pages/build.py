@@ -24,7 +24,7 @@ from spgf_torch.reporting.pages.context import Context, Part, choose, tell_repla
 from spgf_torch.reporting.pages.grasp_parts import precision_part, reliability_part, worst_part
 from spgf_torch.reporting.pages.method_parts import example, overview_part, setup_part, sheet_part, steps_part
 from spgf_torch.reporting.pages.model_parts import grasps_part, objects_part, prototypes_part
-from spgf_torch.reporting.pages.pictured import Pictured, pictured
+from spgf_torch.reporting.pages.pictured import Pictured, check_asked, pictured
 from spgf_torch.reporting.pages.rate_parts import ablation_part, choice_part, headline, over_k, table_part
 from spgf_torch.reporting.pages.reach_part import reach_part
 from spgf_torch.reporting.pages.table1 import Group, table1
@@ -40,9 +40,10 @@ def build(
     """Write the report on `runs` (oldest first) into `folder`; returns Table 1.
 
     What cannot be used is noted in a line each and leaves its figures out. Raises InputError where `show` is no K of
-    the runs, or no run has rates.
+    the runs, `pictured` or `fold` is of no model, or no run has rates.
     """
     context = choose(config, sweep := find_sweep(runs, config.bootstrap, config.seed, notes), notes)
+    check_asked(context)
     tell_replaced(runs, sweep, notes)
     groups = table1(sweep.rows, sweep.classwise(), context.rankings, context.row)
     parts = [*_rates(context, groups, stages), *_grasps_and_model(context, stages)]
@@ -52,9 +53,10 @@ def build(
         for name, content in part.files.items():
             write_bytes(folder / name, content)
     sections = [*(part.section for part in parts), _left_out(notes.lines)]
+    count = "1 run" if len(runs) == 1 else f"{len(runs)} runs"
     lead = (
         "<p>Thomsen, Kraft, Kr&uuml;ger (2016), A Semi-local Surface Feature for Learning Successful Grasping "
-        f"Affordances: Table 1 and Figures 1 to 13, made again from {len(runs)} runs.</p>"
+        f"Affordances: Table 1 and Figures 1 to 13, made again from {count}.</p>"
     )
     write_bytes(folder / "index.html", page(TITLE, lead, sections).encode())
     return groups

@@ -27,6 +27,8 @@ from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.settings import typed
 
+PAPERS_K = 10  # of the model that the paper pictures
+
 
 @dataclass(frozen=True)
 class Eyes:
@@ -81,6 +83,24 @@ class Pictured:
         return Inferred(obj.name, texlets.positions.numpy(), texlets.normals.numpy(), ids.numpy())
 
 
+def check_asked(context: Context) -> None:
+    """Raises InputError where `pictured` or `fold` was given, and no run keeps such a model."""
+    K, fold = context.config.pictured, context.config.fold
+    kept = [row.K for row in context.sweep.rows if any(run.has_model or _keeps_folds(run) for run in row.runs)]
+    if K is not None and K not in kept:
+        raise InputError(
+            f"pictured: expected a K of runs with a model ({', '.join(map(str, kept)) or 'none'}), got {K}"
+        )
+    if fold is None:
+        return
+    if (run := _with_folds(context)) is None:
+        raise InputError(
+            f"fold: expected a run of K = {_wanted(context)[0]} (pictured) that keeps the models of its folds "
+            f"(train fold_models=true), got none that could show fold {fold}"
+        )
+    _fold(context, run)
+
+
 def pictured(context: Context, library: Mapping[str, GraspObject]) -> Pictured:
     """The model of the wanted fold and K; where no run kept it, a line is told and the model of all objects shown.
 
@@ -120,22 +140,46 @@ def some_objects(objects: Sequence[GraspObject], each: int) -> list[GraspObject]
 
 def _model(context: Context) -> tuple[Run, GraspModel, int | None, dict[str, str]]:
     """The run, its model, the fold, and the objects that are novel there: name -> digest."""
-    row, fold = context.sweep.of(context.config.pictured), context.config.fold
-    wanted = list(row.runs) if row else []
-    for run in (*wanted, context.shown):
-        if (run.folder / FOLDER / LIST).is_file():
-            listed = novel_by_fold(run.folder)
-            if fold not in (folds := sorted({of for of, _ in listed.values()})):
-                raise InputError(f"fold: expected one of {', '.join(map(str, folds))}, got {fold}")
-            novel = {name: digest for name, (of, digest) in listed.items() if of == fold}
-            return run, load_model(run.folder / FOLDER / str(fold)), fold, novel
+    K, wanted = _wanted(context)
+    if (run := _with_folds(context)) is not None:
+        fold, novel = _fold(context, run)
+        return run, load_model(run.folder / FOLDER / str(fold)), fold, novel
     run = next((run for run in wanted if run.has_model), context.shown)
     model = load_model(run.folder)
     context.tell(
-        f"Figs. 1 and 10 to 13 show the model of all objects, K = {run.K}: no run of K = {context.config.pictured} "
-        f"keeps those of its folds (train +K={context.config.pictured} fold_models=true leaves them)"
+        f"Figs. 1 and 10 to 13 show the model of all objects, K = {run.K}: no run of K = {K} "
+        f"keeps those of its folds (train +K={K} fold_models=true leaves them)"
     )
     return run, model, None, {}
+
+
+def _wanted(context: Context) -> tuple[int, list[Run]]:
+    """The K whose model is to be shown, and its runs."""
+    K = PAPERS_K if context.config.pictured is None else context.config.pictured
+    row = context.sweep.of(K)
+    return K, list(row.runs) if row else []
+
+
+def _with_folds(context: Context) -> Run | None:
+    """The run whose models of folds are shown: of the wanted K, or, where that was not asked for, the shown one."""
+    others = [context.shown] if context.config.pictured is None else []
+    return next((run for run in (*_wanted(context)[1], *others) if _keeps_folds(run)), None)
+
+
+def _keeps_folds(run: Run) -> bool:
+    return (run.folder / FOLDER / LIST).is_file()
+
+
+def _fold(context: Context, run: Run) -> tuple[int, dict[str, str]]:
+    """The fold that is shown of a run that keeps its models, and the objects that are novel there: name -> digest."""
+    listed = novel_by_fold(run.folder)
+    folds = sorted({of for of, _ in listed.values()})
+    fold = context.config.fold
+    if fold is None:
+        fold = next(iter(folds), 0)
+    if fold not in folds:
+        raise InputError(f"fold: expected one of {', '.join(map(str, folds))}, got {fold}")
+    return fold, {name: digest for name, (of, digest) in listed.items() if of == fold}
 
 
 def _members(teachers: Sequence[GraspObject], eyes: Eyes, model: GraspModel, degrees: np.ndarray) -> Members:

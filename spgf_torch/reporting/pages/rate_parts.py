@@ -57,7 +57,8 @@ def headline(context: Context) -> Part:
         cards.append(
             (
                 f"{100 * gap:+.1f}",
-                f"CG minus the better single type, points: the worst class and K &ge; {FROM_K} ({name}, K = {K})",
+                f"percentage points: CG less the better of NPG and WPG, where CG does worst ({name}, K = {K}; of all "
+                f"classes and K from {FROM_K} on)",
             )
         )
     boxes = "".join(f'<div class="card"><b>{value}</b><span>{words}</span></div>' for value, words in cards)
