@@ -88,7 +88,7 @@ def worst_part(
     if not pictured:
         return Part(Section("worst", title, "<p>No object to picture: every highest-ranked grasp was held.</p>"))
     shown = [_held(o, top, library[o.name], openings) for o, top in pictured]
-    shown_as = drawn(worst(shown))
+    shown_as = drawn(worst(shown, f"the ranking {context.ranking}"))
     words = caption(
         f"The objects with the lowest CG by the ranking <code>{html.escape(context.ranking)}</code>, K = "
         f"{context.shown.K}, with their {n} highest-ranked grasps: red failed, green held. A fork is the open hand: "
