@@ -189,7 +189,7 @@ def reliability_diagram(curves: Mapping[str, Mapping[str, Reliability]]) -> Figu
             upper.plot(
                 [], [], "o", color=PAPER, markersize=5, markerfacecolor="white", label=f"of fewer than {FEW} grasps"
             )
-            upper.set(title=f"{kind} without a sensed collision", xlim=UNIT, ylim=UNIT)
+            upper.set(title=f"{kind}: grasps without a sensed collision", xlim=UNIT, ylim=UNIT)
             upper.legend(loc="lower right")
             lower.set(xlabel="predicted probability of success", yscale="log")
             lower.yaxis.set_major_locator(LogLocator(base=10, numticks=7))

@@ -139,8 +139,8 @@ def grasps(looks: Sequence[Look], learned: Sequence[Grasps], kind: str, opening:
         for column, view in enumerate(views, start=1):
             sheet.paint(k, pieces, view, GRASP_BOX[kind], part=(column, 3))
     seen = ", ".join(WORDS[view] for view in views)
-    label = f"learned probability of success; hand open {1000 * opening:.0f} mm; views: {seen}; coloured rings: as in Fig. 10"
-    sheet.bar(SUCCESS_SCALE, 1, label)
+    label = f"learned probability of success; hand open {1000 * opening:.0f} mm; views: {seen}"
+    sheet.bar(SUCCESS_SCALE, 1, label + "; coloured rings: as in Fig. 10")
     return sheet.figure
 
 
