@@ -71,7 +71,7 @@ def _ranks(axis: Axes, scene: Scene, drawn: list[int]) -> None:
     for index, at, off in zip(drawn, begin, side_steps(points), strict=True):
         line: Any = {"arrowstyle": "-", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0} if off.any() else None
         look: Any = {"textcoords": "offset points", "ha": "center", "va": "center", "fontsize": 8, "zorder": 3}
-        axis.annotate(str(index + 1), at, off, arrowprops=line, path_effects=halo, **look)
+        axis.annotate(str(index + 1), tuple(at.tolist()), off, arrowprops=line, path_effects=halo, **look)
 
 
 def side_steps(points: np.ndarray) -> np.ndarray:
