@@ -108,7 +108,7 @@ def link_figure(linked: Linked, view: View) -> Figure:
     ]
     with mpl.rc_context(LETTERS):
         figure = Figure(figsize=(5.6, 4.4))
-        axis = figure.add_axes((0, 0.1, 1, 0.87))
+        axis = figure.add_axes((0, 0.1, 1, 0.8))
         show(axis, joined(pieces), view, 0.12)
         for T, length in ((feature, 0.045), (tcp, 0.03)):
             for direction, colour in zip(T[:3, :3].T, AXES, strict=True):
@@ -126,7 +126,7 @@ def _labels(axis: Axes, named: Mapping[str, np.ndarray], view: View) -> None:
     """Words for two points (3,), beside the picture, with a line to each: the left point's words on the left."""
     line: Any = {"arrowstyle": "-", "color": PAPER, "linewidth": 0.8, "shrinkB": 3}
     by_side = sorted(named.items(), key=lambda each: flat(each[1], view)[0])
-    for (words, point), place, side in zip(by_side, ((0.03, 0.3), (0.97, 0.85)), ("left", "right"), strict=True):
+    for (words, point), place, side in zip(by_side, ((0.03, 0.16), (0.97, 0.85)), ("left", "right"), strict=True):
         x, y = flat(point, view).tolist()
         axis.annotate(words, (x, y), place, textcoords="figure fraction", ha=side, arrowprops=line, zorder=8)
 
