@@ -53,9 +53,11 @@ def draw(path: Path, a: torch.Tensor, b: torch.Tensor, T_a_b: torch.Tensor) -> N
         for panel, T, title in zip(panels, (torch.eye(4), T_a_b), ("as given", "registered"), strict=True):
             moved = transform_points(T.to(b), b)
             for name, points in (("a", a), ("b", moved)):
-                x, y = 1000 * points[:, 0], -1000 * points[:, 1]  # the image's down is +y
+                x, y = 1000 * points[:, 0], 1000 * points[:, 1]
                 panel.scatter(x, y, s=7, color=COLOURS[name], linewidths=0, alpha=0.75, label=f"view {name}")
-            panel.set(title=title, aspect="equal", xlabel="mm")
+            panel.set(title=title, aspect="equal", xlabel="x (mm)")
+        panels[0].set_ylabel("y (mm)")
+        panels[0].invert_yaxis()  # a camera's y points down
         figure.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncols=2, markerscale=2)
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=DPI / 2, bbox_inches="tight")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import matplotlib as mpl
 import numpy as np
 from matplotlib import patheffects
@@ -15,9 +17,12 @@ from spgf_torch.drawing.grasp_scene import CORNERS, Scene, pieces
 from spgf_torch.drawing.style import LETTERS, SUCCESS_SCALE, scale
 
 PANEL = (5.2, 5.8)  # inches
+POINTS = 72  # an inch
 STEP = 0.003  # m; longest piece of a line that is sorted by depth
 LINE = 2.8  # points
 DRAWN = 6  # grasps of a type: more hide each other
+RANK = np.array([15.0, 12.0])  # points; room of a rank with two digits
+TURNS = np.linspace(0, 2 * np.pi, 12, endpoint=False) + np.pi / 2  # where a rank may go that finds its place taken
 
 
 def scene_picture(scene: Scene) -> Figure:
@@ -26,6 +31,7 @@ def scene_picture(scene: Scene) -> Figure:
     with mpl.rc_context(LETTERS):
         figure = Figure(figsize=(PANEL[0] * len(grasp_types), PANEL[1]))
         first: Axes | None = None  # both panels at one scale
+        drawn: dict[Axes, list[int]] = {}
         for place, grasp_type in enumerate(grasp_types):
             of_type = [i for i, grasp in enumerate(scene.grasps) if grasp.type == grasp_type]
             axis = figure.add_axes(
@@ -35,6 +41,9 @@ def scene_picture(scene: Scene) -> Figure:
             _panel(axis, scene, of_type[:DRAWN])
             shown = f"the best {min(DRAWN, len(of_type))} of {len(of_type)}, by rank"
             axis.set_title(f"{grasp_type}: {shown}" if grasp_type else "no grasp")
+            drawn[axis] = of_type[:DRAWN]
+        for axis, indices in drawn.items():  # once the scale that they share is known
+            _ranks(axis, scene, indices)
         bar_axis = figure.add_axes((0.35, 0.085, 0.3, 0.018))
         shades = ScalarMappable(Normalize(0, 100), scale(SUCCESS_SCALE))
         bar = figure.colorbar(shades, cax=bar_axis, orientation="horizontal")
@@ -50,11 +59,31 @@ def _panel(axis: Axes, scene: Scene, drawn: list[int]) -> None:
     axes = scene.eye.axes
     corners, colours, widths = _sorted(scene, drawn, axes)
     axis.add_collection(PolyCollection(list(corners), facecolors=colours, edgecolors=colours, linewidths=widths))
-    halo = [patheffects.withStroke(linewidth=2.2, foreground="white")]
-    for index in drawn:
-        x, y = axes[:2] @ scene.outlines[index][0, 0]
-        axis.text(x, y, str(index + 1), ha="center", va="center", fontsize=8, path_effects=halo, zorder=3)
     axis.autoscale_view()
+
+
+def _ranks(axis: Axes, scene: Scene, drawn: list[int]) -> None:
+    """The rank of each grasp where its outline begins; beside it, with a line to it, where a better one's stands."""
+    begin = np.array([scene.eye.axes[:2] @ scene.outlines[index][0, 0] for index in drawn]).reshape(-1, 2)
+    axis.apply_aspect()
+    points = axis.transData.transform(begin) * POINTS / axis.figure.dpi
+    halo = [patheffects.withStroke(linewidth=2.2, foreground="white")]
+    for index, at, off in zip(drawn, begin, side_steps(points), strict=True):
+        line: Any = {"arrowstyle": "-", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0} if off.any() else None
+        look: Any = {"textcoords": "offset points", "ha": "center", "va": "center", "fontsize": 8, "zorder": 3}
+        axis.annotate(str(index + 1), tuple(at.tolist()), off, arrowprops=line, path_effects=halo, **look)
+
+
+def side_steps(points: np.ndarray) -> np.ndarray:
+    """Steps (N, 2) from places (N, 2), points, after which no two ranks overlap; the earlier one is stepped less."""
+    steps = [np.zeros(2)]
+    steps += [length * np.array([np.cos(t), np.sin(t)]) for length in RANK[0] * np.arange(1, 5) for t in TURNS]
+    taken, chosen = np.zeros((0, 2)), np.zeros(np.shape(points))
+    for i, point in enumerate(points):
+        free = (step for step in steps if (np.abs(taken - point - step) >= RANK).any(axis=1).all())
+        chosen[i] = next(free, steps[0])
+        taken = np.vstack([taken, point + chosen[i]])
+    return chosen
 
 
 def _sorted(scene: Scene, drawn: list[int], axes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -14,17 +14,20 @@ PROTOTYPES = 3  # that are named for a grasp
 
 def grasp_table(grasps: Sequence[Grasp], names: Sequence[str] | None = None, targets: bool = False) -> Table:
     """Grasps, best first: rank, type, probability (%), votes, TCP position (mm) and approach direction in the input's
-    frame, and the prototypes that gave most votes with their share; with `targets` the target too.
-    `names`: a word for each prototype.
+    frame, and the prototypes that gave most votes with their share; with `targets` the target too. Where a judge
+    ranked, no votes and no prototypes. `names`: a word for each prototype.
     """
+    voted = not any(grasp.judged for grasp in grasps)
+    where = "TCP position and approach in the input's frame"
     table = Table(
         title="Ranked grasps",
-        caption="TCP position and approach in the input's frame; prototypes with their share of the votes",
+        caption=f"{where}; prototypes with their share of the votes" if voted else where,
         box=box.SIMPLE_HEAD,
     )
-    for heading in ("rank", "type", "prob. (%)", "votes", "x y z (mm)", "approach"):
+    for heading in ("rank", "type", "prob. (%)", *(["votes"] if voted else []), "x y z (mm)", "approach"):
         table.add_column(heading, justify="left" if heading == "type" else "right", no_wrap=True)
-    table.add_column("prototypes")
+    if voted:
+        table.add_column("prototypes")
     if targets:
         table.add_column("target", justify="right")
     for rank, grasp in enumerate(grasps, start=1):
@@ -32,10 +35,10 @@ def grasp_table(grasps: Sequence[Grasp], names: Sequence[str] | None = None, tar
             str(rank),
             grasp.type,
             f"{100 * grasp.probability:.1f}",
-            str(grasp.support),
+            *([str(grasp.support)] if voted else []),
             " ".join(f"{1000 * value:4.0f}" for value in grasp.T_input_tcp[:3, 3]),
             direction(grasp),
-            voters(grasp, names),
+            *([voters(grasp, names)] if voted else []),
             *([str(grasp.target)] if targets else []),
         )
     return table

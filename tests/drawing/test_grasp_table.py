@@ -1,6 +1,7 @@
 """The ranked table as text."""
 
 import io
+from dataclasses import replace
 
 from asymmetric import asymmetric
 from rich.console import Console
@@ -23,3 +24,13 @@ def test_a_row_says_what_where_and_why() -> None:
 def test_prototypes_by_name() -> None:
     names = [f"rim {i}" if i % 2 else f"[bold]wall {i}" for i in range(8)]
     assert "rim 7 71 %, rim 3 29 %" in text(names)
+
+
+def test_without_votes_where_a_judge_ranked() -> None:
+    """The row ends with the approach, and no line explains prototypes."""
+    out = io.StringIO()
+    Console(width=120, file=out).print(grasp_table([replace(asymmetric(), judged=(0.9, 0.5))]))
+    row = next(line for line in out.getvalue().splitlines() if "WPG" in line)
+    assert " ".join(row.split()) == "1 WPG 87.5 100 200 300 0.50 0.00 0.87"
+    assert "prototypes" not in out.getvalue()
+    assert "votes" not in out.getvalue()

@@ -24,8 +24,15 @@ from spgf_torch.reporting.pages.table1 import HEADINGS, NAMES
 
 SHOWN_CLASSES = ("all", "containers")  # of K and reach: where the paper's rates depend on K, and all together
 REACH_SCALE = [(0.0, "#E69F00"), (0.5, "#56B4E9"), (1.0, "#00416b")]  # near to far, also by lightness
-BESIDE: Any = {"linestyle": (0, (1, 1)), "marker": "s", "markersize": 3, "linewidth": 1.2}  # another ranking of ours
+BESIDE: Any = {
+    "linestyle": (0, (1, 1)),
+    "marker": "s",
+    "markersize": 5.5,
+    "markerfacecolor": "none",
+    "linewidth": 1.2,
+}  # another ranking of ours
 PRINTED: Any = {"color": PAPER, "marker": "o", "markersize": 3.5, "markerfacecolor": "white", "linewidth": 1.2}
+UNIT = (-0.025, 1.025)  # shares with room for the points at 0 and 1
 FEW = 20  # grasps; a bin with fewer says little and is drawn hollow
 
 Curves = Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]  # class -> mean, low, high: each (types, N)
@@ -55,7 +62,7 @@ def success_over_k(rows: Sequence[Repeats], ranking: str, beside: str | None = N
     other = [row for row in rows if beside in row.by_ranking]
     K, last = [row.K for row in rows], rows[-1]
     names = [name for name in NAMES if name in last.by_ranking[ranking]]
-    printed = [k for k in paper.SUCCESS_RATE if min(K) <= k <= max(K)] if len(K) > 1 else sorted(paper.SUCCESS_RATE)
+    printed = sorted(paper.SUCCESS_RATE)
 
     def draw(axis: Axes, name: str, kind: str) -> None:
         colour = TYPE_COLOURS[kind]
@@ -71,7 +78,7 @@ def success_over_k(rows: Sequence[Repeats], ranking: str, beside: str | None = N
         axis.set_xticks(sorted({*K, *printed}))
 
     legend = [
-        *_ours(f"here: {HEADINGS.get(ranking, ranking)}, 95 % band"),
+        *_ours(f"here: {HEADINGS.get(ranking, ranking)}, 95 % {'band' if len(K) > 1 else 'bars'}"),
         *(
             [Line2D([], [], **BESIDE, color="#202020", label=f"here: {HEADINGS.get(beside, beside)}")]
             if beside and other
@@ -170,7 +177,7 @@ def reliability_diagram(curves: Mapping[str, Mapping[str, Reliability]]) -> Figu
         axes = figure.subplots(2, len(GRASP_TYPES), sharex=True, sharey="row", height_ratios=(3, 1), squeeze=False)
         for j, kind in enumerate(GRASP_TYPES):
             upper, lower = axes[0, j], axes[1, j]
-            upper.plot([0, 1], [0, 1], color=CHANCE, linestyle=(0, (4, 3)), linewidth=1)
+            upper.plot([0, 1], [0, 1], color=CHANCE, linestyle=(0, (4, 3)), linewidth=1, label="as predicted")
             for shift, (end, colour) in enumerate((("_before", PAPER), ("", TYPE_COLOURS[kind]))):
                 curve = curves[kind][end]
                 _reliability(upper, curve, colour, PREDICTORS[end])
@@ -179,7 +186,10 @@ def reliability_diagram(curves: Mapping[str, Mapping[str, Reliability]]) -> Figu
                 lower.bar(at, curve.count, width=0.36 / bins, color=colour)
             flag = curves[kind]["_flag"]
             upper.plot(flag.predicted, flag.observed, "D", color="#202020", markersize=5, label=PREDICTORS["_flag"])
-            upper.set(title=f"{kind}: probability and outcome", xlim=(0, 1), ylim=(0, 1))
+            upper.plot(
+                [], [], "o", color=PAPER, markersize=5, markerfacecolor="white", label=f"of fewer than {FEW} grasps"
+            )
+            upper.set(title=f"{kind}: grasps without a sensed collision", xlim=UNIT, ylim=UNIT)
             upper.legend(loc="lower right")
             lower.set(xlabel="predicted probability of success", yscale="log")
             lower.yaxis.set_major_locator(LogLocator(base=10, numticks=7))

@@ -29,7 +29,7 @@ def failures_picture(
     failing.sort(key=lambda row: (row[2].rate(row[2].best["CG"]), row[0].name))
     if not failing:
         return None
-    return png(drawn(worst([_held(*row, openings) for row in failing[:MOST]])))
+    return png(drawn(worst([_held(*row, openings) for row in failing[:MOST]], "the ranking that was executed")))
 
 
 def _held(obj: GraspObject, grasps: Grasps, executed: Executed, openings: Mapping[str, float]) -> Held:

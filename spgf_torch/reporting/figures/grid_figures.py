@@ -125,8 +125,8 @@ def spread_out(steps: Steps, count: int) -> np.ndarray:
 def average_figure(steps: Steps) -> Figure:
     """Fig. 4: what a cell gets from the others, and a layer before and after."""
     with mpl.rc_context(LETTERS):
-        figure = Figure(figsize=(10.0, 3.3))
-        left = figure.add_axes((0.055, 0.17, 0.23, 0.71))
+        figure = Figure(figsize=(10.0, 3.6))
+        left = figure.add_axes((0.055, 0.34, 0.23, 0.55))
         _window(left, steps)
         right = figure.add_axes((0.36, 0.41, 0.62, 0.47))
         _contributions(right, steps)
@@ -138,9 +138,8 @@ def average_figure(steps: Steps) -> Figure:
             _one_strip(axis, values, gap, words)
         degrees_axis(axis, len(values))
         axis.tick_params(labelbottom=True)
-        axis.set_xlabel(
-            ALPHA3 + "; cells before and after coloured by $\\alpha_2$ as in Fig. 5, hatched: a gap", labelpad=1
-        )
+        axis.set_xlabel(ALPHA3 + "; the top layer before and after coloured by $\\alpha_2$, hatched: a gap", labelpad=1)
+        colour_bar(figure, (0.08, 0.13, 0.18, 0.03))
     return figure
 
 
@@ -151,7 +150,7 @@ def alignment_figure(steps: Steps) -> Figure:
         figure = Figure(figsize=(10.0, 4.6))
         for column, (rings, gap, start, title) in enumerate(
             (
-                (steps.smooth, steps.gap, steps.start, "(a) as the arbitrary $R_x$ has it"),
+                (steps.smooth, steps.gap, steps.start, "(a) from $R_x$, towards the mean of the neighbours"),
                 (steps.aligned, np.roll(steps.gap, -steps.start, axis=1), 0, "(b) aligned"),
             )
         ):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import matplotlib as mpl
 import numpy as np
@@ -110,7 +110,7 @@ def prototypes(looks: Sequence[Look]) -> Figure:
 
 def objects(shown: Sequence[Inferred], looks: Sequence[Look]) -> Figure:
     """Fig. 11: texlets that face the camera, coloured by prototype; the legend names those that occur."""
-    sheet = Sheet.of(len(shown), 3, panel=(2.4, 2.4), right=1.4)
+    sheet = Sheet.of(len(shown), 3, panel=(2.4, 2.66), right=1.4, below=0.26)
     palette = np.array([to_rgb(look.colour) for look in looks])
     for i, inferred in enumerate(shown):
         sheet.title(i, inferred.name.replace("_", " "))
@@ -134,19 +134,19 @@ def grasps(looks: Sequence[Look], learned: Sequence[Grasps], kind: str, opening:
     sheet = Sheet.of(len(looks), min(2, len(looks)), panel=(4.6, 1.85), foot=0.62)
     for k, (look, found) in enumerate(zip(looks, learned, strict=True)):
         pieces = joined([prototype(look, grey=True), sticks(found.sticks, success_colours(found.probability), 1.2)])
-        _named(sheet, k, look, parts=3)
+        _named(sheet, k, replace(look, note=look.note.replace(", ", ",\n")), parts=3)
         sheet.paint(k, prototype(look), ABOVE, RING_BOX, part=(0, 3))
         for column, view in enumerate(views, start=1):
             sheet.paint(k, pieces, view, GRASP_BOX[kind], part=(column, 3))
     seen = ", ".join(WORDS[view] for view in views)
     label = f"learned probability of success; hand open {1000 * opening:.0f} mm; views: {seen}"
-    sheet.bar(SUCCESS_SCALE, 1, label)
+    sheet.bar(SUCCESS_SCALE, 1, label + "; coloured rings: as in Fig. 10")
     return sheet.figure
 
 
-def worst(shown: Sequence[Held]) -> Figure:
-    """Objects with their highest-ranked grasps: failed ones red, held ones green."""
-    sheet = Sheet.of(len(shown), min(3, len(shown)), panel=(2.7, 2.8), foot=0.35)
+def worst(shown: Sequence[Held], ranking: str) -> Figure:
+    """Objects with their highest-ranked grasps by a `ranking`, in words: failed ones red, held ones green."""
+    sheet = Sheet.of(len(shown), min(3, len(shown)), panel=(2.7, 2.8), foot=0.52)
     for i, held in enumerate(shown):
         colours = np.where(held.success[:, None], to_rgb(HELD), to_rgb(FAILED))
         sheet.title(i, held.title)
@@ -154,7 +154,7 @@ def worst(shown: Sequence[Held]) -> Figure:
     words = ((FAILED, "failed"), (HELD, "held"))
     with mpl.rc_context(LETTERS):
         handles = [Line2D([], [], color=colour, linewidth=2, label=word) for colour, word in words]
-        sheet.figure.legend(handles=handles, loc="lower center", ncols=2)
+        sheet.figure.legend(handles=handles, loc="lower center", ncols=2, title=f"the best grasps by {ranking}")
     return sheet.figure
 
 

@@ -107,4 +107,4 @@ def _measure(axis: Axes, ends: np.ndarray, view: View, words: str) -> None:
     (ax, ay), (bx, by) = flat(ends, view).tolist()
     look = {"arrowstyle": "<|-|>", "color": "black", "lw": 1, "shrinkA": 0, "shrinkB": 0}
     axis.annotate("", (bx, by), (ax, ay), arrowprops=look)
-    note(axis, ends.mean(axis=0), words, view, np.array([0.0, 1.0]))
+    note(axis, ends.mean(axis=0), words, view, np.array([0.0, -1.0]), gap=27)  # below the tips

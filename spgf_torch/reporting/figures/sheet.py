@@ -27,7 +27,8 @@ class Sheet:
     """Panels in rows.
 
     Attributes:
-        panel: width and height of a panel, inches. foot: height below the panels.
+        panel: width and height of a panel, inches. foot: height below the panels. below: of a panel's height what lies
+            below its picture, for a ruler.
     """
 
     figure: Figure
@@ -36,9 +37,18 @@ class Sheet:
     rows: int
     panel: tuple[float, float]
     foot: float
+    below: float = 0.0
 
     @classmethod
-    def of(cls, count: int, columns: int, panel: tuple[float, float], foot: float = 0.0, right: float = 0.0) -> Sheet:
+    def of(
+        cls,
+        count: int,
+        columns: int,
+        panel: tuple[float, float],
+        foot: float = 0.0,
+        right: float = 0.0,
+        below: float = 0.0,
+    ) -> Sheet:
         """Room for `count` panels in rows of `columns`, `right` inches beside them for a legend."""
         rows = ceil(count / columns)
         width, height = columns * panel[0] + right, rows * panel[1] + foot
@@ -46,7 +56,7 @@ class Sheet:
             figure = Figure(figsize=(width, height))
             axis = figure.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(0, height))
             axis.set_axis_off()
-        return cls(figure, axis, columns, rows, panel, foot)
+        return cls(figure, axis, columns, rows, panel, foot, below)
 
     def corner(self, i: int) -> np.ndarray:
         """(2,) inches, the lower left corner of panel i."""
@@ -67,9 +77,9 @@ class Sheet:
         """Points (..., 2) of a picture with this `box` in panel i, below its title; in a part of it: (which, of)."""
         across, down, up = box
         width = self.panel[0] / part[1]
-        room = self.panel[1] - TITLE
+        room = self.panel[1] - TITLE - self.below
         size = min((width - GUTTER) / (2 * across), room / (up - down))
-        middle = self.corner(i) + np.array([width * (0.5 + part[0]), room / 2])
+        middle = self.corner(i) + np.array([width * (0.5 + part[0]), self.below + room / 2])
         return middle + size * (points - (0.0, (up + down) / 2))
 
     def paint(self, i: int, pieces: Pieces, view: View, box: Box | None = None, part: tuple[int, int] = (0, 1)) -> Box:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -106,19 +108,27 @@ def link_figure(linked: Linked, view: View) -> Figure:
     ]
     with mpl.rc_context(LETTERS):
         figure = Figure(figsize=(5.6, 4.4))
-        axis = figure.add_axes((0, 0.1, 1, 0.87))
+        axis = figure.add_axes((0, 0.1, 1, 0.8))
         show(axis, joined(pieces), view, 0.12)
         for T, length in ((feature, 0.045), (tcp, 0.03)):
             for direction, colour in zip(T[:3, :3].T, AXES, strict=True):
                 arrow(axis, T[:3, 3], T[:3, 3] + length * direction, to_hex(colour), view)
         _transformation(axis, feature[:3, 3], tcp[:3, 3], view)
         note(axis, feature[:3, 3] + 0.047 * feature[:3, 0], r"$\alpha_3 = 0$, start", view, UP, TOWARDS, 8)
-        note(axis, tcp[:3, 3], "grasp (TCP)", view, -UP, gap=62)
+        _labels(axis, {f"feature: {linked.look.name}": feature[:3, 3], "grasp (TCP)": tcp[:3, 3]}, view)
         outcome = "success" if linked.success else "failure"
-        id, name = linked.look.name.split()[-1], linked.look.name
-        words = f"T = (pose of the grasp in the feature's frame, {outcome}, id {id}: {name})"
+        words = f"T = (pose of the grasp in the feature's frame, {outcome}, id {linked.look.name.split()[-1]})"
         figure.text(0.5, 0.05, words, ha="center", va="center")
     return figure
+
+
+def _labels(axis: Axes, named: Mapping[str, np.ndarray], view: View) -> None:
+    """Words for two points (3,), beside the picture, with a line to each: the left point's words on the left."""
+    line: Any = {"arrowstyle": "-", "color": PAPER, "linewidth": 0.8, "shrinkB": 3}
+    by_side = sorted(named.items(), key=lambda each: flat(each[1], view)[0])
+    for (words, point), place, side in zip(by_side, ((0.03, 0.16), (0.97, 0.85)), ("left", "right"), strict=True):
+        x, y = flat(point, view).tolist()
+        axis.annotate(words, (x, y), place, textcoords="figure fraction", ha=side, arrowprops=line, zorder=8)
 
 
 def _transformation(axis: Axes, feature: np.ndarray, tcp: np.ndarray, view: View) -> None:

@@ -22,6 +22,7 @@ from spgf_torch.reporting.figures.charts import FEW, Precision, precision_at_n, 
 from spgf_torch.reporting.figures.scenes import Held, worst
 from spgf_torch.reporting.figures.views import worst_view
 from spgf_torch.reporting.pages.context import Context, Part
+from spgf_torch.reporting.pages.table1 import HEADINGS
 
 
 def precision_part(context: Context, objects: Sequence[Predictions]) -> Part:
@@ -88,7 +89,7 @@ def worst_part(
     if not pictured:
         return Part(Section("worst", title, "<p>No object to picture: every highest-ranked grasp was held.</p>"))
     shown = [_held(o, top, library[o.name], openings) for o, top in pictured]
-    shown_as = drawn(worst(shown))
+    shown_as = drawn(worst(shown, HEADINGS.get(context.ranking, f"the ranking {context.ranking}")))
     words = caption(
         f"The objects with the lowest CG by the ranking <code>{html.escape(context.ranking)}</code>, K = "
         f"{context.shown.K}, with their {n} highest-ranked grasps: red failed, green held. A fork is the open hand: "

@@ -41,8 +41,9 @@ WHAT = {
     4: "Fig. 4: the weighted moving average. (a) A cell's neighbours count by their distance; the cells M-2 and M+2 "
     "alike, so that their mean is what M gets where it is empty. (b) The feature of Fig. 1: each cell with data (bar) "
     "and the weights it has in the cells around; below, the layer before and after. What no weight reaches is a gap.",
-    5: "Fig. 5: alignment. The cell with the largest alpha2 of the top layer (of equals the middle of the widest run) "
-    "becomes the start of both layers; a gap counts as 90 deg.",
+    5: "Fig. 5: alignment. (a) From R_x, arbitrary in the paper, here towards the mean of the neighbours. (b) The cell "
+    "with the largest alpha2 of the top layer (of equals the middle of the widest run) becomes the start of both "
+    "layers; a gap counts as 90 deg.",
 }
 
 
