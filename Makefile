@@ -9,9 +9,11 @@ READY := $(VENV)/.installed
 train: $(READY)
 	$(BIN)/python -m spgf_torch.train +K=20
 
-# Every rate in docs/paper.md: Table 1 over five seeds, K and reach, each class by itself (an hour on two cores).
+# Every rate and figure in docs/paper.md: Table 1 over five seeds, K and reach, each class by itself (half an hour on two
+# cores).
 paper: $(READY)
 	$(BIN)/python -m spgf_torch.train -m +K=20 'seed=range(5)'
+	$(BIN)/python -m spgf_torch.train +K=10 fold_models=true
 	$(BIN)/python -m spgf_torch.train -m final_model=false +K=5,10,15,25 'seed=range(5)'
 	$(BIN)/python -m spgf_torch.train -m final_model=false +K=1,5,10,20 affordance.reach=0.03,0.05 'seed=range(5)'
 	$(BIN)/python -m spgf_torch.train -m final_model=false +K=1 'seed=range(5)'

@@ -61,6 +61,14 @@ def test_of_equal_runs_the_newest_counts() -> None:
     assert [(row.K, stamps(row)) for row in sweep.rows] == [(5, ["3"]), (10, ["2"])] and not sweep.variants
 
 
+def test_of_equal_runs_one_that_kept_the_models_of_its_folds_counts(tmp_path: Path) -> None:
+    """Its rates are the same, and it has more to show."""
+    (tmp_path / "fold_models").mkdir()
+    (tmp_path / "fold_models/objects.json").touch()
+    kept = replace(made("2", 10, fold_models=True), folder=tmp_path)
+    assert [stamps(row) for row in found(made("1", 10), kept, made("3", 10)).rows] == [["2"]]
+
+
 def test_runs_that_differ_in_the_seed_alone_are_one_experiment() -> None:
     """Also beside the sweep; of one seed twice the newer counts; a run that does not say `classwise` had it not."""
     runs = [made("1", 5, seed=3), made("2", 5), made("3", 10), made("4", 5, seed=3, classwise=False)]

@@ -14,6 +14,7 @@ from spgf_torch.errors import InputError, one_line
 from spgf_torch.evaluation.files import FILES
 from spgf_torch.evaluation.results import read_results
 from spgf_torch.evaluation.success import TYPES, Rates
+from spgf_torch.experiment.held_out import FOLDER, LIST
 from spgf_torch.files.checks import name as checked_name
 from spgf_torch.files.checks import number
 from spgf_torch.files.digests import digest_of
@@ -84,6 +85,11 @@ class Run:
     @property
     def has_model(self) -> bool:
         return (self.folder / "model.safetensors").is_file()
+
+    @property
+    def keeps_folds(self) -> bool:
+        """Whether it kept the models of its folds."""
+        return (self.folder / FOLDER / LIST).is_file()
 
 
 @dataclass(frozen=True)

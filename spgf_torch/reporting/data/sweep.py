@@ -88,10 +88,11 @@ def find_sweep(runs: Sequence[Run], resamples: int, seed: int, tell: Tell) -> Sw
     runs, then the newest.
 
     Args:
-        runs: oldest first; of runs with equal settings the last counts.
+        runs: oldest first; of runs with equal settings the last counts, of those that kept the models of their folds if
+            there are any.
         resamples, seed, tell: see `repeated`.
     """
-    latest = {flat_settings(run): run for run in runs}
+    latest = {flat_settings(run): run for run in sorted(runs, key=lambda run: run.keeps_folds)}
     groups: dict[Settings, dict[int, list[Run]]] = defaultdict(lambda: defaultdict(list))
     for settings, run in latest.items():
         groups[tuple(entry for entry in settings if entry[0] not in SWEPT | {SEED})][run.K].append(run)

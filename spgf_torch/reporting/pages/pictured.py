@@ -11,7 +11,7 @@ import torch
 from spgf_torch.affordance.model import GraspModel, load_model
 from spgf_torch.drawing.style import prototype_colours
 from spgf_torch.errors import InputError
-from spgf_torch.experiment.held_out import FOLDER, LIST, novel_by_fold
+from spgf_torch.experiment.held_out import FOLDER, novel_by_fold
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import Features, spgf
 from spgf_torch.objects.config import CLASSES
@@ -86,7 +86,7 @@ class Pictured:
 def check_asked(context: Context) -> None:
     """Raises InputError where `pictured` or `fold` was given, and no run keeps such a model."""
     K, fold = context.config.pictured, context.config.fold
-    kept = [row.K for row in context.sweep.rows if any(run.has_model or _keeps_folds(run) for run in row.runs)]
+    kept = [row.K for row in context.sweep.rows if any(run.has_model or run.keeps_folds for run in row.runs)]
     if K is not None and K not in kept:
         raise InputError(
             f"pictured: expected a K of runs with a model ({', '.join(map(str, kept)) or 'none'}), got {K}"
@@ -163,11 +163,7 @@ def _wanted(context: Context) -> tuple[int, list[Run]]:
 def _with_folds(context: Context) -> Run | None:
     """The run whose models of folds are shown: of the wanted K, or, where that was not asked for, the shown one."""
     others = [context.shown] if context.config.pictured is None else []
-    return next((run for run in (*_wanted(context)[1], *others) if _keeps_folds(run)), None)
-
-
-def _keeps_folds(run: Run) -> bool:
-    return (run.folder / FOLDER / LIST).is_file()
+    return next((run for run in (*_wanted(context)[1], *others) if run.keeps_folds), None)
 
 
 def _fold(context: Context, run: Run) -> tuple[int, dict[str, str]]:
