@@ -14,7 +14,6 @@ from spgf_torch.errors import InputError, one_line
 from spgf_torch.evaluation.files import FILES
 from spgf_torch.evaluation.results import read_results
 from spgf_torch.evaluation.success import TYPES, Rates
-from spgf_torch.experiment.held_out import FOLDER, LIST
 from spgf_torch.files.checks import name as checked_name
 from spgf_torch.files.checks import number
 from spgf_torch.files.digests import digest_of
@@ -89,6 +88,8 @@ class Run:
     @property
     def keeps_folds(self) -> bool:
         """Whether it kept the models of its folds."""
+        from spgf_torch.experiment.held_out import FOLDER, LIST  # brings torch, which a missing folder does without
+
         return (self.folder / FOLDER / LIST).is_file()
 
 
