@@ -211,7 +211,7 @@ class RunState:
         """Remove obsolete files: the folder of shards once it is empty, manifests of shares once all are done."""
         if self.shard != (1, 1):
             return
-        if all(entry["state"] == "done" for entry in self.objects.values()):
+        if all(entry.get("state") == "done" for entry in self.objects.values()):
             for path in self.folder.glob("manifest.*-of-*.json"):
                 path.unlink(missing_ok=True)
             for path in (self.folder / SHARDS).glob(".lock*"):
