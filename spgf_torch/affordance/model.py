@@ -31,7 +31,7 @@ from spgf_torch.files.digests import BLANK, KEY, check_seal, digest_of, sealed, 
 from spgf_torch.files.reading import existing, json_values, unreadable
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.geometry.se3_grid import Kernel, SE3Grid, gaussian_kernel
-from spgf_torch.hands.config import GRASP_TYPES, HandConfig
+from spgf_torch.hands.config import GRASP_TYPES, HandConfig, grasp_types
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import typed
@@ -88,6 +88,11 @@ class GraspModel:
     def descriptor(self) -> str:
         """Of what its prototypes are: `features.descriptor`."""
         return str(self.settings.get("features", {}).get("descriptor", "spgf"))
+
+    @property
+    def grasp_types(self) -> tuple[str, ...]:
+        """Names of the grasp types that it votes on."""
+        return grasp_types(typed(HandConfig, self.settings["hand"]))
 
     def rings_deg(self) -> np.ndarray:
         """(K, 2, cells, 2) its prototypes: layer, cell, (alpha1, alpha2) in degrees.

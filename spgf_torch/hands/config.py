@@ -42,5 +42,10 @@ class HandConfig:
     distal_limit: float = bounded(0.0, 1e4)
 
 
+def grasp_types(hand: HandConfig) -> tuple[str, ...]:
+    """Names of the grasp types of a hand, sorted: every index into grasp types counts in this order."""
+    return tuple(sorted(hand.openings))
+
+
 # A hand has no defaults of its own: this one is what the paper grasps with.
 HandConfig.DEFAULTS = "hand/sdh2.yaml"  # type: ignore[attr-defined]
