@@ -27,15 +27,19 @@ MARGIN = 0.3  # s beyond the stroke until the fingers must stand still
 LINKAGE = 4.0  # times the closing effort that what follows (gears, four-bars) bears
 
 
-def closing_settings(config: HandConfig, motions: Sequence[Motion]) -> ClosingConfig:
-    """Effort, speed and time of a hand with these motions; what the settings give stays as it is."""
+# Of one preshape its motion, and the joints (rad or m) of the open and of the closed hand.
+Span = tuple[Motion, Mapping[str, float], Mapping[str, float]]
+
+
+def closing_settings(config: HandConfig, spans: Sequence[Span]) -> ClosingConfig:
+    """Effort, speed and time of a hand that closes so; what the settings give stays as it is."""
     told = config.closing
-    effort = told.effort or min(effort for motion in motions for effort in _efforts(motion))
-    strokes = [max(_strokes(motion, phase).values()) for motion in motions for phase in motion.phases]
-    velocities = [motion.kinematics.moving[name].velocity for motion in motions for name in motion.closing]
-    speed = told.speed or min([max(strokes) / STROKE_TIME, *(v for v in velocities if v is not None)])
-    longest = max(sum(max(_strokes(m, phase).values()) for phase in m.phases) for m in motions)
-    time = told.time or round(longest / speed + MARGIN, 3)
+    effort = told.effort or min(effort for motion, start, _ in spans for effort in _efforts(motion, start))
+    strokes = [_strokes(span) for span in spans]
+    velocities = [motion.kinematics.moving[name].velocity for motion, _, _ in spans for name in motion.closing]
+    longest = max(max(stroke) for stroke in strokes)
+    speed = told.speed or min([longest / STROKE_TIME or 1.0, *(v for v in velocities if v is not None)])
+    time = told.time or round(max(sum(stroke) for stroke in strokes) / speed + MARGIN, 3)
     return ClosingConfig(effort, speed, time)
 
 
@@ -68,25 +72,25 @@ def _speed(rule: Follow, closing: ClosingConfig) -> float:
     return max(abs(rule.ratio), 0.1) * (closing.speed or 1.0)
 
 
-def _strokes(motion: Motion, phase: Mapping[str, float]) -> dict[str, float]:
-    """rad or m from the open hand to the limit that each joint of a phase closes towards."""
-    start = motion.open()
-    return {name: abs(motion.end(name, closed=True) - start[name]) for name in phase}
+def _strokes(span: Span) -> list[float]:
+    """rad or m, the longest way of a joint in each phase."""
+    motion, start, end = span
+    return [max(abs(end[name] - start[name]) for name in phase) for phase in motion.phases]
 
 
-def _efforts(motion: Motion) -> list[float]:
+def _efforts(motion: Motion, start: Mapping[str, float]) -> list[float]:
     """Nm or N that each joint that closes may press with at a share of 1."""
-    start = motion.open()
-    before = motion.kinematics.links(motion.joints(start))
+    first = {name: start[name] for name in motion.closing}
+    before = motion.kinematics.links(start)
     found = []
     for name, share in motion.closing.items():
-        step = 0.01 * (motion.end(name, closed=True) - start[name]) or 1e-4
-        after = motion.kinematics.links(motion.joints({**start, name: start[name] + step}))
+        step = 0.01 * (motion.end(name, closed=True) - motion.end(name, closed=False))
+        after = motion.kinematics.links(motion.joints({**first, name: first[name] + step}))
         levers = [
             np.linalg.norm(shape.points_at(after) - shape.points_at(before), axis=1).max() / abs(step)
             for shape in motion.shapes.values()
         ]
         effort = motion.kinematics.moving[name].effort
         most = PAD_FORCE * float(max(levers))
-        found.append(min(most, SHARE * effort) / abs(share) if effort else most / abs(share))
+        found.append((min(most, SHARE * effort) if effort else most) / abs(share))
     return [effort for effort in found if effort > 0] or [1.0]

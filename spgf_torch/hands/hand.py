@@ -78,22 +78,42 @@ def _hand(robot: Robot, config: HandConfig) -> Hand:
     approach = np.asarray(config.approach, dtype=np.float64)
     if approach.shape != (3,) or not np.linalg.norm(approach) > 0:
         raise InputError(f"hand.approach: expected three numbers, not all 0; got {config.approach}")
-    motions = {name: motion_of(kinematics, config, name) for name in grasp_types(config)}
-    closing = closing_settings(config, list(motions.values()))
+    opened = [_opened(kinematics, config, name) for name in grasp_types(config)]
+    closing = closing_settings(config, [(each.pads.motion, each.joints, each.closed) for each in opened])
     preshapes = {
-        name: _preshape(motion, config, closing, approach / np.linalg.norm(approach))
-        for name, motion in motions.items()
+        name: _preshape(each, config, closing, approach / np.linalg.norm(approach))
+        for name, each in zip(grasp_types(config), opened, strict=True)
     }
     told = {key: value for key, value in plain(config).items() if key not in ("urdf", "packages")}
     digest = hashlib.sha256((robot.digest + json.dumps(told, sort_keys=True)).encode()).hexdigest()
     return Hand(config, robot, preshapes, digest)
 
 
-def _preshape(motion: Motion, config: HandConfig, closing: ClosingConfig, approach: np.ndarray) -> Preshape:
-    name = motion.where.rpartition(".")[2]
-    told = config.preshapes[name]
+@dataclass(frozen=True)
+class _Opened:
+    """One preshape: its settings, its pads, and all joint values (rad or m) open and with the fingers meeting."""
+
+    told: PreshapeConfig
+    pads: Pads
+    joints: dict[str, float]
+    closed: dict[str, float]
+
+
+def _opened(kinematics: Kinematics, config: HandConfig, name: str) -> _Opened:
+    told, motion = config.preshapes[name], motion_of(kinematics, config, name)
     pads = pads_of(motion, config, told)
-    joints, closed = _open_and_closed(motion, told, pads)
+    if told.opening is None:
+        start = motion.open()
+        return _Opened(told, pads, motion.joints(start), motion.meeting(start))
+    if told.open:
+        raise InputError(f"{motion.where}: expected opening or open, got both")
+    if len(motion.groups) != 2:
+        raise InputError(f"{motion.where}.opening: expected two opposing groups, got {len(motion.groups)}; say open")
+    return _Opened(told, pads, pads.solve(told.opening), pads.closed())
+
+
+def _preshape(opened: _Opened, config: HandConfig, closing: ClosingConfig, approach: np.ndarray) -> Preshape:
+    told, pads, joints, motion = opened.told, opened.pads, opened.joints, opened.pads.motion
     links = motion.kinematics.links(joints)
     T_base_tcp = pads.tcp(told, approach, links)
     T_tcp_base = np.linalg.inv(T_base_tcp)
@@ -102,7 +122,7 @@ def _preshape(motion: Motion, config: HandConfig, closing: ClosingConfig, approa
     assert closing.effort and closing.speed and closing.time
     return Preshape(
         joints=joints,
-        closed=closed,
+        closed=opened.closed,
         T_base_tcp=T_base_tcp,
         T_base_link=links,
         shapes=tuple(c.mesh.copy().apply_transform(T_tcp_base @ links[c.link] @ c.T_link_shape) for c in collisions),
@@ -118,18 +138,6 @@ def _preshape(motion: Motion, config: HandConfig, closing: ClosingConfig, approa
         symmetry=told.symmetry or (2 if jaw and _both_move(motion, config) else 1),
         sampler=told.sampler,
     )
-
-
-def _open_and_closed(motion: Motion, told: PreshapeConfig, pads: Pads) -> tuple[dict[str, float], dict[str, float]]:
-    """All joint values (rad or m) of the open hand, and with the fingers meeting."""
-    if told.opening is None:
-        start = motion.open()
-        return motion.joints(start), motion.meeting(start)
-    if told.open:
-        raise InputError(f"{motion.where}: expected opening or open, got both")
-    if len(motion.groups) != 2:
-        raise InputError(f"{motion.where}.opening: expected two opposing groups, got {len(motion.groups)}; say open")
-    return pads.solve(told.opening), pads.closed()
 
 
 def _opening(told: PreshapeConfig, pads: Pads, links: dict[str, np.ndarray], T_base_tcp: np.ndarray) -> float:

@@ -30,7 +30,8 @@ class Gripper:
         closed: the same with the fingers meeting, or as near as the limits let them. It is what to close towards with
             bounded force, not where the fingers end: that depends on the thickness of what lies between them.
         active: joints that are driven by themselves (no mimic joints).
-        width: m between opposing pads (`Preshape.opening`). depth: m that the fingers reach beyond the TCP along the approach.
+        width: m between opposing pads (`Preshape.opening`).
+        depth: m that the fingers reach beyond the TCP along the approach.
         height: m, extent of the fingertips across closing and approach.
         jaw: whether two fingers oppose each other, and nothing else closes: what formats of parallel jaws can say.
         symmetry: so many turns about the approach make the same grasp.
