@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import trimesh
 
 from spgf_torch.hands.fingers import FingerShape, finger_shape
 from spgf_torch.hands.hand import Hand
@@ -15,6 +14,7 @@ from spgf_torch.hands.kinematics import Kinematics
 from spgf_torch.hands.preshape import Preshape
 
 STEP = 1e-4  # rad or m; of a derivative
+EDGE = 5e-4  # m below the highest plane within which a face counts as the one a pad lies on
 
 
 @dataclass(frozen=True)
@@ -114,6 +114,61 @@ class Posed:
         return found
 
     @cached_property
-    def shapes(self) -> tuple[trimesh.Trimesh, ...]:
-        """The open hand's shapes in the TCP frame."""
-        return self.preshape.shapes
+    def mimics(self) -> set[str]:
+        """Joints that follow another because the URDF says so."""
+        return {joint.name for joint in self.hand.robot.joints if joint.mimic is not None}
+
+    def behind(self, finger: str) -> set[str]:
+        """All joints between the base and the pad of a finger."""
+        parents, link, found = {j.child: j for j in self.hand.robot.joints}, self.carriers[finger], set()
+        while link in parents:
+            found.add(parents[link].name)
+            link = parents[link].parent
+        return found
+
+    def surface(self, finger: str) -> tuple[float, np.ndarray]:
+        """How far (m) a pad is off the surface of its body's shapes, and the outward normal (3,) there, base frame.
+
+        On an edge the face that looks inwards most counts. Infinite, and no direction, where the body has no shapes.
+        """
+        pad, inwards = self.preshape.pads[finger], self.inwards[finger]
+        least, normal = np.inf, np.zeros(3)
+        for link, planes in self.finger_shapes[finger].planes:
+            if self.bodies[link] == self.bodies[self.carriers[finger]]:
+                T = self.preshape.T_base_link[link]
+                heights = planes[:, :3] @ (T[:3, :3].T @ (pad - T[:3, 3])) - planes[:, 3]
+                if heights.max() < least:
+                    least = float(heights.max())
+                    normals = planes[heights >= least - EDGE, :3] @ T[:3, :3].T
+                    normal = normals[np.argmax(normals @ inwards)]
+        return abs(least), normal
+
+    def free_way(self, direction: np.ndarray) -> float:
+        """m from the TCP in a direction (3,) of the TCP frame to the first shape of the open hand; infinite if none."""
+        ways = [_entry(planes, direction) for planes in self._planes]
+        return min(ways, default=np.inf)
+
+    def room(self) -> float:
+        """m from the TCP to the nearest shape of the open hand, at least; negative inside."""
+        return min(float((-planes[:, 3]).max()) for planes in self._planes)
+
+    @cached_property
+    def _planes(self) -> list[np.ndarray]:
+        """Of each shape in the TCP frame (F, 4): outward normals and offsets."""
+        found = []
+        for shape in self.preshape.shapes:
+            normals = np.asarray(shape.face_normals)
+            found.append(np.column_stack([normals, np.einsum("ij,ij->i", normals, shape.triangles[:, 0])]))
+        return found
+
+
+def _entry(planes: np.ndarray, direction: np.ndarray) -> float:
+    """m from the origin along a direction to a convex shape given by planes (F, 4); infinite where it is missed."""
+    speed = planes[:, :3] @ direction
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = planes[:, 3] / speed
+    if (planes[np.abs(speed) < 1e-12, 3] < 0).any():
+        return np.inf
+    enter = float(at[speed < -1e-12].max(initial=-np.inf))
+    leave = float(at[speed > 1e-12].min(initial=np.inf))
+    return max(enter, 0.0) if enter <= leave and leave >= 0 else np.inf
