@@ -126,7 +126,7 @@ def _force(posed: Posed) -> Finding:
         measured=f"{forces[bad]:.3g} N ({bad})" if bad else "no finger that presses",
         expected=f"{WEAKEST:g} to {STRONGEST:g} N",
         ok=bool(forces) and forces[weakest] >= WEAKEST and forces[strongest] <= STRONGEST,
-        remedy="closing.effort is in Nm of joints that turn, N of those that slide; left out, it is taken from the URDF",
+        remedy="closing.effort is in Nm of joints that turn, N of those that slide; left out, it is measured",
     )
 
 
