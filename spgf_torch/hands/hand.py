@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.hands.config import ClosingConfig, HandConfig, PreshapeConfig, grasp_types
 from spgf_torch.hands.drives import closing_settings, drives_of
 from spgf_torch.hands.kinematics import Kinematics
-from spgf_torch.hands.motion import Motion, motion_of
+from spgf_torch.hands.motion import Motion, check_known, motion_of
 from spgf_torch.hands.pads import Pads, pads_of
 from spgf_torch.hands.preshape import Closing, Preshape
 from spgf_torch.hands.robot import Robot
@@ -74,6 +74,7 @@ _HANDS: dict[tuple[str, str, str], Hand] = {}
 def _hand(robot: Robot, config: HandConfig) -> Hand:
     if not config.preshapes:
         raise InputError("hand.preshapes: expected one or more, got none")
+    config = _with_known_names(robot, config)
     kinematics = Kinematics(robot)
     approach = np.asarray(config.approach, dtype=np.float64)
     if approach.shape != (3,) or not np.linalg.norm(approach) > 0:
@@ -87,6 +88,17 @@ def _hand(robot: Robot, config: HandConfig) -> Hand:
     told = {key: value for key, value in plain(config).items() if key not in ("urdf", "packages")}
     digest = hashlib.sha256((robot.digest + json.dumps(told, sort_keys=True)).encode()).hexdigest()
     return Hand(config, robot, preshapes, digest)
+
+
+def _with_known_names(robot: Robot, config: HandConfig) -> HandConfig:
+    """The same with each finger a list of links. Raises InputError for links and joints that the URDF has not."""
+    fingers = {name: [links] if isinstance(links, str) else links for name, links in config.fingers.items()}
+    for name, links in fingers.items():
+        if not isinstance(links, list) or not links:
+            raise InputError(f"hand.fingers.{name}: expected a list of links, got {links!r:.40}")
+        check_known(f"hand.fingers.{name}", links, robot.links, "a link")
+    check_known("hand.joints", config.joints, (j.name for j in robot.joints if j.moves), "a joint that moves")
+    return replace(config, fingers=fingers)
 
 
 @dataclass(frozen=True)
