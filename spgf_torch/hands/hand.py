@@ -25,6 +25,8 @@ from spgf_torch.hands.robot import Robot
 from spgf_torch.hands.urdf import read_robot
 from spgf_torch.settings import plain, typed
 
+PAD = 0.01  # m, half a fingertip's width: what of a finger is level with the TCP
+
 __all__ = ["Hand", "closing_poses", "load_hand"]
 
 
@@ -145,22 +147,27 @@ def _preshape(opened: _Opened, config: HandConfig, closing: ClosingConfig, appro
         groups=tuple(tuple(link for finger in group for link in config.fingers[finger]) for group in motion.groups),
         touch=told.touch or len(motion.groups),
         pads=pads.at(links),
-        opening=_opening(told, pads, links, T_base_tcp),
+        opening=_opening(told, motion, links, T_base_tcp),
         jaw=jaw,
         symmetry=told.symmetry or (2 if jaw and _both_move(motion, config) else 1),
         sampler=told.sampler,
     )
 
 
-def _opening(told: PreshapeConfig, pads: Pads, links: dict[str, np.ndarray], T_base_tcp: np.ndarray) -> float:
-    """m between opposing sides (`Preshape.opening`)."""
+def _opening(told: PreshapeConfig, motion: Motion, links: dict[str, np.ndarray], T_base_tcp: np.ndarray) -> float:
+    """m that are free between opposing groups (`Preshape.opening`), `PAD` about the height of the TCP."""
     if told.opening is not None:
         return told.opening
-    sides = pads.sides(links)
+    T_tcp_base = np.linalg.inv(T_base_tcp)
+    sides = []
+    for group in motion.shape_groups:
+        points = np.concatenate([shape.points_at(links) for shape in group]) @ T_tcp_base[:3, :3].T + T_tcp_base[:3, 3]
+        level = np.abs(points[:, 2]) <= PAD
+        sides.append(points[level] if level.any() else points)
     if len(sides) == 2:
-        return float(abs((sides[1] - sides[0]) @ T_base_tcp[:3, 0]))
-    across = (sides - T_base_tcp[:3, 3]) @ T_base_tcp[:3, :2]
-    return 2 * float(np.linalg.norm(across, axis=1).mean())
+        low, high = sorted(sides, key=lambda points: float(points[:, 0].mean()))
+        return max(float(high[:, 0].min() - low[:, 0].max()), 0.0)
+    return 2 * float(min(np.linalg.norm(points[:, :2], axis=1).min() for points in sides))
 
 
 def _both_move(motion: Motion, config: HandConfig) -> bool:
