@@ -15,6 +15,7 @@ SNAP = np.cos(np.radians(30))  # a direction nearer than this to an axis of the 
 PARALLEL = np.cos(np.radians(30))  # axes of one finger's flexors are nearly parallel; spread and abduction are not
 SHORT = 0.9  # of the reach of the fingers that a part of a linkage, such as a four-bar's inner knuckle, stays below
 SAME_WAY = 0.5  # cosine between closing directions of fingers that press together, not against each other
+NEAR_ROOT = 0.01  # m; a frame nearer to the root is the root's own under another name
 STEP = 1e-3  # rad or m; of a derivative
 SAMPLES = (0.25, 0.5, 0.75)  # of every joint's range, where directions are looked at
 
@@ -92,9 +93,31 @@ class Anatomy:
         """The body of the root."""
         return self.robot.bodies()[self.robot.root]
 
-    def _between(self, a: str, b: str, links: Mapping[str, np.ndarray]) -> float:
-        """m between the middles of two bodies."""
-        return float(np.linalg.norm(self.placed(a, links).mean(axis=0) - self.placed(b, links).mean(axis=0)))
+    @cached_property
+    def frame(self) -> np.ndarray | None:
+        """(3,) the farthest frame without shapes that is fixed to the palm, as a tool or grasp frame; None if none."""
+        body_of = self.robot.bodies()
+        links = self.kinematics.links(self.kinematics.complete({}, self.follow))
+        shaped = {piece.link for piece in self.robot.collisions}
+        bare = [links[name][:3, 3] for name in self.robot.links if body_of[name] == self.palm and name not in shaped]
+        farthest = max(bare, key=lambda at: float(np.linalg.norm(at)), default=np.zeros(3))
+        return farthest if np.linalg.norm(farthest) > NEAR_ROOT else None
+
+    @cached_property
+    def closed_share(self) -> float:
+        """Of a hand with one finger: 0 or 1, the end of its joint's range where its far half is nearest to the palm.
+
+        Where a frame tells of a place to grasp at, nearest to that.
+        """
+        tip, chain = self._chains[0]
+        gaps = []
+        for share in (0.0, 1.0):
+            links = self.at(share)
+            points, other = self.placed(tip, links), self.frame
+            away = np.linalg.norm(points - links[chain[-1].child][:3, 3], axis=1)
+            others = self.placed(self.palm, links) if other is None else other[None]
+            gaps.append(np.linalg.norm(points[away >= np.median(away)][:, None] - others[None], axis=2).min())
+        return float(np.argmin(gaps))
 
     @cached_property
     def _chains(self) -> list[tuple[str, tuple[Joint, ...]]]:
@@ -119,12 +142,15 @@ class Anatomy:
     def outwards(self) -> np.ndarray:
         """(3,) mean direction from the first joint of each chain to its end, over the range of the joints.
 
-        A single finger closes on the palm: it looks out of it where it is nearest to it.
+        A single finger closes on the palm: it looks to where a frame tells of a place to grasp at, or else out of the
+        palm when it is closed.
         """
-        ways, poses = [], [self.at(share) for share in SAMPLES]
+        poses = [self.at(share) for share in SAMPLES]
         if len(self._chains) == 1 and self.palm in self.points:
-            (tip, _), ends = self._chains[0], [self.at(share) for share in (0.0, 1.0)]
-            poses = [min(ends, key=lambda links: self._between(tip, self.palm, links))]
+            if self.frame is not None:
+                return unit(self.frame)
+            poses = [self.at(self.closed_share)]
+        ways = []
         for links in poses:
             for tip, chain in self._chains:
                 way = self.placed(tip, links).mean(axis=0) - links[chain[0].child][:3, 3]
@@ -172,6 +198,17 @@ class Anatomy:
         bodies = [body for joint in reversed(moved) if (body := body_of[joint.child]) in self.points]
         names = tuple(joint.name for joint in flexors)
         return Finger(tip, tuple(bodies), tuple(chain), names, closers, held)
+
+    def curl(self, finger: Finger, joint: str) -> float:
+        """1 where a joint turns a finger the same way as its first flexor with growing values, else -1; 0 of others."""
+        links = self.kinematics.links(self.kinematics.complete({}, self.follow))
+        parts = [j for j in finger.chain if j.name in finger.flexors]
+        axes = [links[part.child][:3, :3] @ part.axis for part in parts]
+        for part, axis in zip(parts, axes, strict=True):
+            if self.driver(part.name) == joint:
+                ratio = 1.0 if part.name == joint else self.follow[part.name].ratio
+                return float(np.sign(axis @ axes[0] * ratio))
+        return 0.0
 
     def velocity(self, finger: Finger, closer: str, share: float, values: Mapping[str, float]) -> np.ndarray:
         """(3,) m per rad or m that a finger's end moves with one joint, the others at a share of their ranges."""

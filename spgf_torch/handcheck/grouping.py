@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -13,7 +12,7 @@ from spgf_torch.handcheck.anatomy import SAME_WAY, Anatomy, Finger, unit
 
 CLEAR = 0.3  # of a finger's motion that is towards the others, from which on that settles its sign
 REACH = 0.6  # of a finger's longest reach ahead of the palm that it keeps while it opens: SDH-2's -60/+30 deg does
-STEPS = 33  # of a joint's range that are looked at
+STEPS = 49  # of a joint's range that are looked at
 MOST_HELD = 4  # joints that spread or turn one finger, of which three values each are tried
 
 
@@ -62,21 +61,19 @@ class Grouping:
         values: dict[str, float] = {}
         for finger in self.anatomy.fingers:
             straight = {name: _nearest(0.0, self.anatomy.span(name)) for name in finger.closers[1:]}
-            first = finger.closers[0]
-            values |= straight
-            if first not in values or first in finger.closers[:1]:
-                values[first] = self._opened(finger, straight, share)
+            values |= {**straight, finger.closers[0]: self._opened(finger, straight, share)}
         return values
 
     def _opened(self, finger: Finger, straight: dict[str, float], share: float) -> float:
         """The first closer at a share of the way out that keeps `REACH`, from where the finger reaches farthest."""
         anatomy, first = self.anatomy, finger.closers[0]
+        base = next(joint for joint in finger.chain if joint.name in finger.flexors)
         low, high = anatomy.span(first)
         values = np.linspace(low, high, STEPS)
         reach, out = [], []
         for value in values:
             links = anatomy.at(0.5, {**self.held, **straight, first: value})
-            tip = anatomy.placed(finger.name, links).mean(axis=0) - links[finger.chain[0].child][:3, 3]
+            tip = anatomy.placed(finger.name, links).mean(axis=0) - links[base.child][:3, 3]
             reach.append(float(tip @ anatomy.approach))
             out.append(-float(tip @ self.closing(finger)))
         farthest = int(np.argmax(reach))
@@ -105,27 +102,33 @@ def grouping_of(anatomy: Anatomy) -> Grouping:
 
 
 def _signs(anatomy: Anatomy, held: dict[str, float]) -> dict[str, float]:
-    """Joint -> +1 or -1, such that fingers come nearer to each other; where that is not clear, to its longer side."""
-    middles = _middles(anatomy, anatomy.fingers, held)
-    votes: dict[str, list[float]] = {}
+    """Joint -> +1 or -1, such that each finger, all its joints curling one way, comes nearer to the others.
+
+    Where that is not clear, as of fingers beside each other, a finger curls to the longer side of its joints' ranges.
+    """
+    if len(anatomy.fingers) == 1:
+        (finger,) = anatomy.fingers
+        end = 2 * anatomy.closed_share - 1
+        return {joint: end * (anatomy.curl(finger, joint) or 1.0) for joint in finger.closers}
+    middles = _middles(anatomy, held)
+    votes: dict[str, float] = {}
     for finger in anatomy.fingers:
         others = [middles[other.name] for other in anatomy.fingers if other is not finger]
-        others = others or [_middles(anatomy, [finger], held, anatomy.palm)[anatomy.palm]]
         inwards = unit(anatomy.across(np.mean(others, axis=0) - middles[finger.name]))
-        for joint in finger.closers:
-            moved = anatomy.velocity(finger, joint, 0.5, held)
-            towards = float(unit(anatomy.across(moved)) @ inwards)
-            low, high = anatomy.span(joint)
-            curls = np.sign(high + low) if abs(high + low) > CLEAR * (high - low) else 0.0
-            votes.setdefault(joint, []).append(towards if abs(towards) > CLEAR or not curls else CLEAR * curls)
-    return {joint: 1.0 if sum(found) >= 0 else -1.0 for joint, found in votes.items()}
+        curls = {joint: anatomy.curl(finger, joint) for joint in finger.closers}
+        moved = sum((sign * anatomy.velocity(finger, j, 0.5, held) for j, sign in curls.items()), np.zeros(3))
+        towards = float(unit(anatomy.across(moved)) @ inwards)
+        spans = {joint: anatomy.span(joint) for joint in finger.closers}
+        longer = sum(curls[joint] * (low + high) / (high - low) for joint, (low, high) in spans.items())
+        clear = abs(towards) > CLEAR or abs(longer) < CLEAR
+        for joint, sign in curls.items():
+            votes[joint] = votes.get(joint, 0.0) + sign * (towards if clear else CLEAR * np.sign(longer))
+    return {joint: 1.0 if vote >= 0 else -1.0 for joint, vote in votes.items()}
 
 
-def _middles(
-    anatomy: Anatomy, fingers: Sequence[Finger], held: dict[str, float], *bodies: str
-) -> dict[str, np.ndarray]:
+def _middles(anatomy: Anatomy, held: dict[str, float]) -> dict[str, np.ndarray]:
     links = anatomy.at(0.5, held)
-    return {name: anatomy.placed(name, links).mean(axis=0) for name in [*(f.name for f in fingers), *bodies]}
+    return {finger.name: anatomy.placed(finger.name, links).mean(axis=0) for finger in anatomy.fingers}
 
 
 def _nearest(value: float, span: tuple[float, float]) -> float:
