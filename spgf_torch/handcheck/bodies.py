@@ -48,12 +48,15 @@ def body_findings(hand: Hand) -> Iterator[Finding]:
 def _inertial_findings(hand: Hand) -> Iterator[Finding]:
     """Masses of the links that move, and how far from its centre each link's inertia puts its mass."""
     moving = {joint.child for joint in hand.robot.joints if joint.moves} - hand.robot.passive
+    turning = {joint.child for joint in hand.robot.joints if joint.moves and joint.kind != "prismatic"}
     masses, gyrations = {}, {}
     for link in ElementTree.fromstring(hand.robot.xml).iter("link"):
         mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
         if link.get("name") in moving and mass is not None and inertia is not None:
             name = str(link.get("name"))
             masses[name] = float(mass.get("value", 0))
+            if name not in turning:  # what slides does not turn: its inertia has no effect
+                continue
             most = max(float(inertia.get(key, 0)) for key in ("ixx", "iyy", "izz"))
             gyrations[name] = float(np.sqrt(max(most, 0.0) / max(masses[name], 1e-12)))
     of_hand = partial(Finding, preshape="")
@@ -67,6 +70,7 @@ def _inertial_findings(hand: Hand) -> Iterator[Finding]:
             ok=LIGHTEST <= masses[least] and masses[most_heavy] <= HEAVIEST,
             remedy="masses are in kg: look at the URDF's <inertial>",
         )
+    if gyrations:
         widest = max(gyrations, key=gyrations.__getitem__)
         yield of_hand(
             check="inertia of links",

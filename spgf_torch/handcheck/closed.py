@@ -62,7 +62,7 @@ def _joints_close(posed: Posed) -> Finding:
 
 def _meets(posed: Posed) -> Iterator[Finding]:
     shapes = [[posed.finger_shapes[name] for name in group] for group in posed.groups]
-    gap = separation(shapes, posed.closed_links)
+    gap = _pad_gap(posed) if posed.hinged else separation(shapes, posed.closed_links)
     most = GAP * posed.preshape.opening
     yield Finding(
         check="fingers meet",
@@ -80,6 +80,13 @@ def _meets(posed: Posed) -> Iterator[Finding]:
         ok=-gap <= OVERLAP,
         remedy="pads lie below the closing faces; leave pads out, and they are measured",
     )
+
+
+def _pad_gap(posed: Posed) -> float:
+    """m between the pads of closed fingers that a hinge joins, whose shapes are never apart."""
+    pads = posed.pads_at(posed.closed_links)
+    first, second = (np.mean([pads[name] for name in group], axis=0) for group in posed.groups[:2])
+    return float(np.linalg.norm(second - first))
 
 
 def _in_time(posed: Posed) -> Finding:

@@ -118,6 +118,19 @@ class Posed:
         """Joints that follow another because the URDF says so."""
         return {joint.name for joint in self.hand.robot.joints if joint.mimic is not None}
 
+    @cached_property
+    def one_sided(self) -> bool:
+        """Whether one finger alone moves."""
+        return sum(force > 0 for force in self.forces.values()) == 1
+
+    @cached_property
+    def hinged(self) -> bool:
+        """Whether a joint joins bodies of opposing fingers: a jaw to the palm that it closes on."""
+        fingers = self.hand.config.fingers
+        of = {self.bodies[link]: i for i, group in enumerate(self.groups) for f in group for link in fingers[f]}
+        pairs = [(self.bodies[j.parent], self.bodies[j.child]) for j in self.hand.robot.joints if j.moves]
+        return any(a in of and b in of and of[a] != of[b] for a, b in pairs)
+
     def behind(self, finger: str) -> set[str]:
         """All joints between the base and the pad of a finger."""
         parents, link, found = {j.child: j for j in self.hand.robot.joints}, self.carriers[finger], set()
