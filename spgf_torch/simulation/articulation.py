@@ -28,7 +28,6 @@ with warnings.catch_warnings():
     from sapien.wrapper.articulation_builder import ArticulationBuilder, LinkBuilder
     from sapien.wrapper.urdf_loader import URDFLoader
 
-DENSITY = 1000.0  # kg/m3 of links without an inertia: SAPIEN's own default
 IGNORED = 32  # bits of SAPIEN's collision group that parts what does not collide
 
 
@@ -159,12 +158,14 @@ def _merged(links: list[_Link], robot: Robot, preshape: Preshape) -> list[_Link]
             T = joint.pose_in_parent * _motion(robot, joint.name, preshape) * joint.pose_in_child.inv()
             _give_shapes(link, body, T)
         bodies[link.name], T_body_link[link.name] = body, T
-        inertias[body.name].append(_inertia(link, robot).moved(T.to_transformation_matrix().astype(np.float64)))
+        inertias[body.name].append(_inertia(link).moved(T.to_transformation_matrix().astype(np.float64)))
     moving = [link for link in links if bodies.get(link.name) is link]
     for index, link in enumerate(moving):
         link.index = index
-        if index and len(inertias[link.name]) > 1:
-            _set_inertia(link, Inertia.together(inertias[link.name]))
+        if index and len(inertias[link.name]) > 1:  # the base is fixed
+            inertia = Inertia.together(inertias[link.name])
+            moments, axes = principal_axes(inertia.tensor)
+            link.set_mass_and_inertia(inertia.mass, pose_of(axes, inertia.centre), moments)
     return moving
 
 
@@ -190,24 +191,12 @@ def _give_shapes(link: _Link, body: _Link, T_body_link: sapien.Pose) -> None:
     body.piece_links += link.piece_links
 
 
-def _inertia(link: _Link, robot: Robot) -> Inertia:
-    """Of one link in its own frame: what the URDF says, else that of its shapes."""
-    if not link._auto_inertial:
-        T = link._cmass_local_pose.to_transformation_matrix().astype(np.float64)
-        return Inertia(link._mass, np.zeros(3), np.diag(link._inertia)).moved(T)
-    parts = [Inertia(0.0, np.zeros(3), np.zeros((3, 3)))]
-    for collision in robot.collisions:
-        if collision.link == link.name:
-            mesh = collision.mesh
-            own = Inertia(DENSITY * mesh.volume, mesh.center_mass, DENSITY * mesh.moment_inertia)
-            parts.append(own.moved(collision.T_link_shape))
-    return Inertia.together(parts) if len(parts) > 1 else parts[0]
-
-
-def _set_inertia(link: _Link, inertia: Inertia) -> None:
-    if inertia.mass > 0:
-        moments, axes = principal_axes(inertia.tensor)
-        link.set_mass_and_inertia(inertia.mass, pose_of(axes, inertia.centre), moments)
+def _inertia(link: _Link) -> Inertia:
+    """Of one link in its own frame; nothing of a link that is a frame alone."""
+    if link._auto_inertial:
+        return Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+    T = link._cmass_local_pose.to_transformation_matrix().astype(np.float64)
+    return Inertia(link._mass, np.zeros(3), np.diag(link._inertia)).moved(T)
 
 
 def _part(links: list[_Link], preshape: Preshape) -> None:
