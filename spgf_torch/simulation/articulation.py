@@ -19,6 +19,7 @@ import trimesh
 from spgf_torch.errors import InputError
 from spgf_torch.hands.preshape import Preshape
 from spgf_torch.hands.robot import Robot
+from spgf_torch.simulation.fingers import moving_joints
 from spgf_torch.simulation.precheck import tree, trees_touch
 
 with warnings.catch_warnings():
@@ -143,7 +144,7 @@ def _add_pieces(link: _Link, robot: Robot, material: physx.PhysxMaterial) -> Non
 
 def _merged(links: list[_Link], robot: Robot, preshape: Preshape) -> list[_Link]:
     """The bodies that move, parents first; those links that do not are part of them, passive links are left out."""
-    base = links[0]
+    base, moving = links[0], moving_joints(preshape)
     bodies, T_body_link = {base.name: base}, {base.name: sapien.Pose()}
     inertias: dict[str, list[Inertia]] = {base.name: []}
     for link in links[1:]:
@@ -151,7 +152,7 @@ def _merged(links: list[_Link], robot: Robot, preshape: Preshape) -> list[_Link]
             continue
         joint, body = link.joint_record, bodies[link.parent.name]
         joint.pose_in_parent = T_body_link[link.parent.name] * joint.pose_in_parent
-        if joint.name in preshape.drives:
+        if joint.name in moving:
             link.parent, body, T = body, link, sapien.Pose()
             inertias[link.name] = []
         else:
@@ -159,14 +160,14 @@ def _merged(links: list[_Link], robot: Robot, preshape: Preshape) -> list[_Link]
             _give_shapes(link, body, T)
         bodies[link.name], T_body_link[link.name] = body, T
         inertias[body.name].append(_inertia(link).moved(T.to_transformation_matrix().astype(np.float64)))
-    moving = [link for link in links if bodies.get(link.name) is link]
-    for index, link in enumerate(moving):
+    merged = [link for link in links if bodies.get(link.name) is link]
+    for index, link in enumerate(merged):
         link.index = index
         if index and len(inertias[link.name]) > 1:  # the base is fixed
             inertia = Inertia.together(inertias[link.name])
             moments, axes = principal_axes(inertia.tensor)
             link.set_mass_and_inertia(inertia.mass, pose_of(axes, inertia.centre), moments)
-    return moving
+    return merged
 
 
 def _motion(robot: Robot, name: str, preshape: Preshape) -> sapien.Pose:

@@ -40,7 +40,7 @@ class Fingers:
             drive = preshape.drives[name]
             joint.set_drive_properties(drive.stiffness, drive.damping, drive.effort)
             joint.set_drive_target(preshape.joints[name])
-        self.rules = _resolved(preshape.closing.follow)
+        self.rules = resolved(preshape.closing.follow)
         self.follow = {n: rule for n, rule in self.rules.items() if n in self.joints and rule.of in self.joints}
         mechanical = {joint.name for joint in robot.joints if joint.mimic}
         self.linked = {name: rule for name, rule in self.follow.items() if name in mechanical}
@@ -131,7 +131,14 @@ class Fingers:
             self.step()
 
 
-def _resolved(follow: Mapping[str, Follow]) -> dict[str, Follow]:
+def moving_joints(preshape: Preshape) -> frozenset[str]:
+    """Joints that close, and those that follow them; what follows a joint that is held stands still."""
+    closes = {name for phase in preshape.closing.phases for name in phase}
+    rules = resolved(preshape.closing.follow)
+    return frozenset(closes | {name for name, rule in rules.items() if rule.of in closes})
+
+
+def resolved(follow: Mapping[str, Follow]) -> dict[str, Follow]:
     """The same rules, each of a joint that follows no other."""
     found = {}
     for name, rule in follow.items():
