@@ -8,7 +8,6 @@ import numpy as np
 
 from spgf_torch.handcheck.finding import Finding
 from spgf_torch.handcheck.posed import Posed
-from spgf_torch.hands.fingers import separation
 
 GAP = 0.25  # of the opening that may be left between closed fingers: thinner things cannot be held
 OVERLAP = 0.002  # m that closed fingers may stand in each other: what convex pieces of meshes add
@@ -61,8 +60,7 @@ def _joints_close(posed: Posed) -> Finding:
 
 
 def _meets(posed: Posed) -> Iterator[Finding]:
-    shapes = [[posed.finger_shapes[name] for name in group] for group in posed.groups]
-    gap = _pad_gap(posed) if posed.hinged else separation(shapes, posed.closed_links)
+    gap = posed.gap(posed.closed_links)
     most = GAP * posed.preshape.opening
     yield Finding(
         check="fingers meet",
@@ -80,13 +78,6 @@ def _meets(posed: Posed) -> Iterator[Finding]:
         ok=-gap <= OVERLAP,
         remedy="pads lie below the closing faces; leave pads out, and they are measured",
     )
-
-
-def _pad_gap(posed: Posed) -> float:
-    """m between the pads of closed fingers that a hinge joins, whose shapes are never apart."""
-    pads = posed.pads_at(posed.closed_links)
-    first, second = (np.mean([pads[name] for name in group], axis=0) for group in posed.groups[:2])
-    return float(np.linalg.norm(second - first))
 
 
 def _in_time(posed: Posed) -> Finding:

@@ -57,10 +57,13 @@ def _limits(posed: Posed) -> Finding:
 
 
 def _self_contact(posed: Posed) -> Finding:
-    """How deep bodies that no joint joins stand in each other."""
-    depth, pair = 0.0, ""
+    """How deep fingers stand in each other, or a tip in the palm. Links of one finger overlap in many URDFs."""
+    depth, pair, fingers = 0.0, "", posed.fingers_of
+    tips = {posed.bodies[link] for link in posed.carriers.values()}
     for (a, shapes_a), (b, shapes_b) in combinations(_bodies(posed).items(), 2):
-        if frozenset((a, b)) not in _joined(posed):
+        apart = fingers[a] != fingers[b]
+        with_palm = "" in (fingers[a], fingers[b])
+        if apart and (not with_palm or ({a, b} & tips and frozenset((a, b)) not in posed.joined)):
             found = _depth(shapes_a, shapes_b)
             if found > depth:
                 depth, pair = found, f"{a} in {b}"
@@ -81,17 +84,6 @@ def _bodies(posed: Posed) -> dict[str, list[trimesh.Trimesh]]:
         if link not in posed.hand.robot.passive:
             found.setdefault(posed.bodies[link], []).append(shape)
     return found
-
-
-def _joined(posed: Posed) -> set[frozenset[str]]:
-    """Pairs of bodies that a joint joins, or two with a body without shapes between them."""
-    parents = {posed.bodies[j.child]: posed.bodies[j.parent] for j in posed.hand.robot.joints if j.moves}
-    shaped, pairs = _bodies(posed).keys(), set()
-    for child, parent in parents.items():
-        while parent not in shaped and parent in parents:
-            parent = parents[parent]
-        pairs.add(frozenset((child, parent)))
-    return pairs
 
 
 def _depth(first: list[trimesh.Trimesh], second: list[trimesh.Trimesh]) -> float:

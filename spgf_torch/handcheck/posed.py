@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from spgf_torch.hands.fingers import FingerShape, finger_shape
+from spgf_torch.hands.fingers import FingerShape, finger_shape, separation
 from spgf_torch.hands.hand import Hand
 from spgf_torch.hands.kinematics import Kinematics
 from spgf_torch.hands.preshape import Preshape
@@ -128,8 +128,37 @@ class Posed:
         """Whether a joint joins bodies of opposing fingers: a jaw to the palm that it closes on."""
         fingers = self.hand.config.fingers
         of = {self.bodies[link]: i for i, group in enumerate(self.groups) for f in group for link in fingers[f]}
-        pairs = [(self.bodies[j.parent], self.bodies[j.child]) for j in self.hand.robot.joints if j.moves]
+        pairs = (tuple(pair) for pair in self.joined)
         return any(a in of and b in of and of[a] != of[b] for a, b in pairs)
+
+    @cached_property
+    def joined(self) -> set[frozenset[str]]:
+        """Pairs of bodies that a joint joins."""
+        return {frozenset((self.bodies[j.parent], self.bodies[j.child])) for j in self.hand.robot.joints if j.moves}
+
+    @cached_property
+    def fingers_of(self) -> dict[str, str]:
+        """Body -> the first body of its finger, which hangs from the palm by a joint; the palm has none."""
+        parent = {self.bodies[j.child]: self.bodies[j.parent] for j in self.hand.robot.joints if j.moves}
+        palm, found = self.bodies[self.hand.robot.root], {}
+        for body in set(self.bodies.values()):
+            at, first = body, ""
+            while at != palm and at in parent:
+                at, first = parent[at], at
+            found[body] = first
+        return found
+
+    def gap(self, links: Mapping[str, np.ndarray]) -> float:
+        """m between opposing groups of fingers for these poses of links; negative where they stand in each other.
+
+        Of fingers that a hinge joins, whose shapes are never apart, between their pads.
+        """
+        if not self.hinged:
+            shapes = [[self.finger_shapes[name] for name in group] for group in self.groups]
+            return separation(shapes, links)
+        pads = self.pads_at(links)
+        first, second = (np.mean([pads[name] for name in group], axis=0) for group in self.groups[:2])
+        return float(np.linalg.norm(second - first))
 
     def behind(self, finger: str) -> set[str]:
         """All joints between the base and the pad of a finger."""

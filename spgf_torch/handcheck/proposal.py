@@ -93,9 +93,7 @@ def _shape(proposal: Proposal, anatomy: Anatomy, grouping: Grouping) -> None:
     for name, share in ((WIDE, 1.0), (NARROW, NARROWER)):
         values = {joint: value for joint, value in grouping.open_at(share).items() if joint in shares}
         opened = {joint: _told_value(anatomy, joint, value) for joint, value in values.items()}
-        proposal.config.preshapes[name] = PreshapeConfig(
-            hold=hold, open=opened, close=shares, oppose=groups, pads=pads
-        )
+        proposal.config.preshapes[name] = PreshapeConfig(hold=hold, open=opened, close=shares, oppose=groups, pads=pads)
 
 
 def _jaw(proposal: Proposal, common: PreshapeConfig, widest: float) -> None:
@@ -185,8 +183,3 @@ def _told_value(anatomy: Anatomy, joint: str, value: float) -> float:
 
 def _direction(grouping: Grouping, finger: Finger) -> str:
     return str([round(float(value), 1) for value in unit(grouping.closing(finger))])
-
-
-def without_fingers(name: str, urdf: str, root: str | None, packages: dict[str, Any]) -> HandConfig:
-    """The description of a URDF of which nothing is known."""
-    return HandConfig(name=name, urdf=urdf, root=root, packages=packages)
