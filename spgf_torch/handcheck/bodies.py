@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from spgf_torch.hands.hand import Hand
 from spgf_torch.handcheck.finding import Finding
+from spgf_torch.hands.hand import Hand
 
 SMALLEST, LARGEST = 0.03, 1.0  # m across; a micro gripper's fingers, an excavator's: nothing that objects in m fit
 LEAST_SHAPE = 0.001  # m; the thinnest finger plate. Less is a mesh in m that was scaled as if in mm
@@ -67,7 +67,7 @@ def _inertial_findings(hand: Hand) -> Iterator[Finding]:
             check="mass of links",
             measured=f"{masses[bad]:.3g} kg ({bad})",
             expected=f"{LIGHTEST:g} to {HEAVIEST:g} kg",
-            ok=LIGHTEST <= masses[least] and masses[most_heavy] <= HEAVIEST,
+            ok=masses[least] >= LIGHTEST and masses[most_heavy] <= HEAVIEST,
             remedy="masses are in kg: look at the URDF's <inertial>",
         )
     if gyrations:

@@ -9,7 +9,6 @@ from spgf_torch.handcheck.opened import opened_findings
 from spgf_torch.handcheck.posed import Posed
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import Hand, load_hand
-from spgf_torch.hands.kinematics import Kinematics
 
 MOST_HANDS = 16  # whose findings are kept
 _FINDINGS: dict[str, list[Finding]] = {}
@@ -20,10 +19,8 @@ def check_hand(hand: Hand) -> list[Finding]:
     if hand.digest not in _FINDINGS:
         if len(_FINDINGS) >= MOST_HANDS:
             _FINDINGS.pop(next(iter(_FINDINGS)))
-        kinematics = Kinematics(hand.robot)
         findings = list(body_findings(hand))
-        for name in hand.preshapes:
-            posed = Posed(hand, name, kinematics)
+        for posed in Posed.all_of(hand):
             findings += [*opened_findings(posed), *closed_findings(posed)]
         _FINDINGS[hand.digest] = findings
     return _FINDINGS[hand.digest]
