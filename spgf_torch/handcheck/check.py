@@ -11,19 +11,20 @@ from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import Hand, load_hand
 
 MOST_HANDS = 16  # whose findings are kept
-_FINDINGS: dict[str, list[Finding]] = {}
+_FINDINGS: dict[tuple[str, str], list[Finding]] = {}
 
 
 def check_hand(hand: Hand) -> list[Finding]:
     """Every check of a hand and of each of its preshapes; once for a hand, however often it is asked for."""
-    if hand.digest not in _FINDINGS:
+    key = (hand.digest, str([joint.mimic for joint in hand.robot.joints]))
+    if key not in _FINDINGS:
         if len(_FINDINGS) >= MOST_HANDS:
             _FINDINGS.pop(next(iter(_FINDINGS)))
         findings = list(body_findings(hand))
         for posed in Posed.all_of(hand):
             findings += [*opened_findings(posed), *closed_findings(posed)]
-        _FINDINGS[hand.digest] = findings
-    return _FINDINGS[hand.digest]
+        _FINDINGS[key] = findings
+    return _FINDINGS[key]
 
 
 def checked_hand(config: HandConfig) -> Hand:

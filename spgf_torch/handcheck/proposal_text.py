@@ -57,7 +57,8 @@ def _lines(proposal: Proposal) -> Iterator[str]:
 
 def _preshapes(proposal: Proposal) -> Iterator[str]:
     """The first one in full; of the others what differs from it."""
-    first, common = "", {}
+    first = ""
+    common: dict[str, Any] = {}
     for name, preshape in proposal.config.preshapes.items():
         values = {key: value for key in TOLD if (value := getattr(preshape, key)) not in (None, {}, [])}
         yield f"  {_flow(name)}:" + ("" if first else " &first")
