@@ -55,6 +55,29 @@ class Cutting(Protocol):
     max_edge: float
 
 
+@dataclass
+class FewPieces:
+    """How a mesh is cut into few pieces.
+
+    Attributes:
+        tolerance, inset, thickness, max_edge: as of `Cutting`; the tolerance is the least that is tried.
+        coarsest: m, the largest tolerance.
+        slack: m, what the mesh may stand out of its pieces, whatever the tolerance.
+        openness: pieces may fill the space before faces that see less than this share of it (screw holes, hollow
+            backs), and faces that see nothing are left out.
+        most: number of pieces.
+    """
+
+    tolerance: float
+    inset: float
+    thickness: float
+    max_edge: float
+    coarsest: float
+    slack: float
+    openness: float
+    most: int
+
+
 @dataclass(frozen=True)
 class _Piece:
     """`points`: (P, 3) every corner of the faces' exact hull; `corners`: (V, 3) those that the piece keeps;
@@ -78,7 +101,7 @@ class _Surface:
             another part of the surface comes close to, and those of faces less open than `openness`.
     """
 
-    def __init__(self, mesh: trimesh.Trimesh, config: Cutting, openness: float = 0.0) -> None:
+    def __init__(self, mesh: trimesh.Trimesh, config: Cutting, openness: float = 0.0, slack: float = np.inf) -> None:
         corners = _without_slivers(_bisected(np.asarray(mesh.triangles, dtype=np.float64), config.max_edge))
         normal = trimesh.triangles.normals(corners)[0]  # type: ignore[no-untyped-call]
         open_ = np.ones(len(corners), dtype=bool)
@@ -90,7 +113,7 @@ class _Surface:
         depth = np.clip(_ray_lengths(mesh, centre, -normal), MIN_EXTRUSION, config.thickness)
         self.inner = centre - normal * depth[:, None]
         self.corners = corners - (normal * np.minimum(config.inset, depth / 4)[:, None])[:, None]
-        self._normal, self._open, self._tree = normal, open_, surface_tree(mesh)
+        self._normal, self._open, self._slack, self._tree = normal, open_, slack, surface_tree(mesh)
         self._ahead = _ray_lengths(mesh, centre, normal)
         self.keep_free(config.tolerance)
 
@@ -103,7 +126,7 @@ class _Surface:
 
     def piece(self, points: np.ndarray) -> _Piece | None:
         """The convex piece around `points`, or None where it would fill free space or have too many corners."""
-        hull = convex_hull(points, self.tolerance)
+        hull = convex_hull(points, min(self.tolerance, self._slack))
         corners = points[hull.vertices]
         if len(corners) > MAX_HULL_VERTICES or _holds_any(hull.equations, corners, self.free):
             return None
@@ -129,25 +152,18 @@ def convex_pieces(mesh: trimesh.Trimesh, config: Cutting) -> tuple[np.ndarray, .
     return tuple(piece.corners for piece in _joined(surface, _halved(surface)))
 
 
-def few_convex_pieces(
-    mesh: trimesh.Trimesh, config: Cutting, openness: float, most: int, coarsest: float
-) -> tuple[np.ndarray, ...]:
-    """The same with the least tolerance, from `config.tolerance` to `coarsest`, at which there are `most` or fewer.
+def few_convex_pieces(mesh: trimesh.Trimesh, config: FewPieces) -> tuple[np.ndarray, ...]:
+    """The same with the least tolerance at which there are few pieces; where even the coarsest makes more, those.
 
-    Where even the coarsest makes more, those.
-
-    Args:
-        mesh: it need not be closed, but its faces have an outer side.
-        openness: pieces may fill the space in front of faces that see less than this share of it (screw holes,
-            hollow backs), and faces that see nothing are left out.
+    The mesh need not be closed, but its faces have an outer side.
     """
-    surface = _Surface(mesh, config, openness)
-    steps = 1 + int(np.log(coarsest / config.tolerance) / np.log(FINER))
+    surface = _Surface(mesh, config, config.openness, config.slack)
+    steps = 1 + int(np.log(config.coarsest / config.tolerance) / np.log(FINER))
     found: list[_Piece] = []
     for step in reversed(range(steps)):  # a fine one takes ten times as long as a coarse one, and is tried only once
         surface.keep_free(config.tolerance * FINER**step)
         pieces = _joined(surface, _halved(surface))
-        if found and len(pieces) > most:
+        if found and len(pieces) > config.most:
             break
         found = pieces
     return tuple(piece.corners for piece in found)

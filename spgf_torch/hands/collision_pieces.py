@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,36 +13,24 @@ from spgf_torch.errors import InputError
 from spgf_torch.extras import needed
 from spgf_torch.files.mesh_files import mesh_arrays
 from spgf_torch.files.reading import unreadable, xml_root
-from spgf_torch.geometry.convex_pieces import MAX_HULL_VERTICES, few_convex_pieces, open_share
+from spgf_torch.geometry.convex_pieces import MAX_HULL_VERTICES, FewPieces, few_convex_pieces, open_share
 from spgf_torch.hands.robot import Collision
 from spgf_torch.hands.urdf_files import mesh_file
 from spgf_torch.hands.urdf_numbers import XML, number, numbers, pose
 
 FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".dae", ".off")
 LARGEST = 2.0  # m; a larger mesh of a hand is taken for millimetres without a scale
-MOST_PIECES = 32  # of one mesh: as many as a scanned object has, and a hand has ten meshes
 SAMPLES = 20_000  # points that stand for a surface: 1 mm apart on a finger
-
-
-@dataclass
-class HandCutting:
-    """How meshes of hands are cut, m.
-
-    Attributes:
-        tolerance: what a piece may bulge out of the mesh: below the 2 mm between a pad and what it must not touch.
-        inset: pads keep their surface.
-        thickness: twice what PhysX lets a finger sink into an object.
-        max_edge: half the width of a narrow finger.
-    """
-
-    tolerance: float = 0.001
-    inset: float = 0.0
-    thickness: float = 0.005
-    max_edge: float = 0.01
-
-
-OPENNESS = 0.25  # share of the space before a face that it sees, below which no finger or object gets there
-COARSEST = 0.0051  # m; the largest tolerance, when smaller ones make more than MOST_PIECES
+CUTTING = FewPieces(
+    tolerance=0.001,  # as the depth below which a surface counts as convex
+    inset=0.0,  # pads stay where they are
+    thickness=0.005,  # ten times what PhysX lets a finger sink into an object
+    max_edge=0.01,  # half the width of a finger
+    coarsest=0.0051,  # the fourth step from 1 mm: more would fill the notch of a fingertip
+    slack=0.0002,  # pads stay flat
+    openness=0.25,  # the bottom of a slot as deep as it is wide sees 0.45, that of a screw hole less than 0.1
+    most=32,  # of one mesh; PhysX's time grows with them
+)
 
 
 def link_collisions(path: Path, link: XML, packages: dict[str, str]) -> list[Collision]:
@@ -129,10 +116,10 @@ def pieces_of(vertices: bytes, faces: bytes) -> tuple[trimesh.Trimesh, ...]:
     `geometry.few_convex_pieces`.
     """
     mesh = _merged(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, dtype=np.int64).reshape(-1, 3))
-    cutting, hull = HandCutting(), _few_corners(mesh.vertices)
-    if _depth(mesh, hull) <= cutting.tolerance:
+    hull = _few_corners(mesh.vertices)
+    if _depth(mesh, hull) <= CUTTING.tolerance:
         return (hull,)
-    pieces = few_convex_pieces(mesh, cutting, OPENNESS, MOST_PIECES, COARSEST)
+    pieces = few_convex_pieces(mesh, CUTTING)
     return tuple(trimesh.Trimesh(piece).convex_hull for piece in pieces)
 
 
