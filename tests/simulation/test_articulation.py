@@ -1,4 +1,4 @@
-"""The hand as an articulation: what moves, what is one with what, what collides; and trials of hands that are no pinch."""
+"""The hand as an articulation: what moves, what is one body, what collides; and trials of hands that are no pinch."""
 
 from __future__ import annotations
 
@@ -113,8 +113,7 @@ def test_a_mimic_joint_follows_with_ratio_and_offset(tmp_path: Path) -> None:
 
 
 def elbow(folder: Path, degrees: float, kind: str = "revolute") -> Hand:
-    """Each finger has an elbow, 30 mm up, that is held at so many degrees, or is fixed; a frame without mass behind it."""
-    size, _ = FINGER
+    """Each finger has an elbow, 30 mm up, that is held or fixed, and a frame without mass behind it."""
     parts = []
     for name, side, sign in (("left", -1, "-1"), ("right", 1, "1")):
         parts += [
@@ -172,7 +171,7 @@ def test_contact_of_what_is_fixed_to_a_fingers_link_counts(tmp_path: Path) -> No
 
 
 def test_phases_close_one_after_the_other(tmp_path: Path) -> None:
-    """The left finger goes to its limit of 20 mm, then the right one to its own of 10; 0.1 m/s, 40 ms to stand still."""
+    """The left finger goes to its limit of 20 mm, then the right one to its own of 10, with 0.1 m/s."""
     preshape = {"open": {"left_joint": 0.05, "right_joint": 0.05}, "oppose": [["left"], ["right"]]}
     preshape["phases"] = [{"left_joint": -1}, {"right_joint": -1}]
     urdf = robot(
@@ -240,7 +239,7 @@ def test_pieces_of_a_mesh_file_are_the_fingers_shapes(tmp_path: Path) -> None:
         T = shape.local_pose.to_transformation_matrix()
         made = np.asarray(shape.vertices) * shape.scale @ T[:3, :3].T + T[:3, 3]
         bounds = np.stack([made.min(axis=0), made.max(axis=0)])
-        np.testing.assert_allclose(bounds, piece.mesh.bounds + [0.02, 0, 0], atol=1e-5)
+        np.testing.assert_allclose(bounds, piece.mesh.bounds + np.array([0.02, 0, 0]), atol=1e-5)
 
 
 def test_inertia_of_parts_by_hand() -> None:

@@ -32,11 +32,15 @@ def scripted(script: Script, closing: Closing = CLOSING, jaw: bool = True, mimic
     clock = SimpleNamespace(step=0)
 
     class Articulation:
-        active_joints = [
-            SimpleNamespace(name=n, set_drive_properties=lambda *drive: None, set_drive_target=targets[n].append)
-            for n in names
-        ]
-        qpos = property(lambda self: np.array(script(clock.step), dtype=np.float32))
+        def __init__(self) -> None:
+            self.active_joints = [
+                SimpleNamespace(name=n, set_drive_properties=lambda *drive: None, set_drive_target=targets[n].append)
+                for n in names
+            ]
+
+        @property
+        def qpos(self) -> np.ndarray:
+            return np.array(script(clock.step), dtype=np.float32)
 
         def set_qpos(self, values: list[float]) -> None:
             assert values == [0.0] * len(names)
