@@ -19,11 +19,6 @@ NEAR = 0.001  # m; shapes no farther apart are of one finger
 STRAIGHT = 0.0005  # m; an edge that bends less is one line
 
 
-def is_jaw(gripper: Gripper) -> bool:
-    """Whether a hand is drawn as a fork."""
-    return bool(getattr(gripper, "jaw", True))
-
-
 def outline(gripper: Gripper, behind: float, handle: float, tips: bool = True) -> np.ndarray:
     """(S, 2, 3) m in the tcp frame, the axis of approach first.
 
@@ -31,14 +26,14 @@ def outline(gripper: Gripper, behind: float, handle: float, tips: bool = True) -
         behind: m of the hand that are drawn behind the TCP. handle: m of the axis behind that.
         tips: a jaw's fingers end at their tips, else at the TCP.
     """
-    if is_jaw(gripper):
+    if gripper.jaw:
         return fork(gripper.width, behind, handle, gripper.depth if tips else 0.0)
     return edges(gripper.shapes, behind, handle)
 
 
 def outline_words(grippers: Mapping[str, Gripper], at: str = "the pads") -> str:
     """What the outlines show, in a sentence for a caption; those of jaws end `at` a place."""
-    jaws = [is_jaw(gripper) for gripper in grippers.values()]
+    jaws = [gripper.jaw for gripper in grippers.values()]
     fork = f"A fork is the open hand: approach axis, palm, and two fingers that end at {at}."
     if all(jaws):
         return fork

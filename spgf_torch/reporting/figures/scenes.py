@@ -12,7 +12,6 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from spgf_torch.drawing.outline import is_jaw
 from spgf_torch.drawing.style import ANGLE_SCALE, FAILED, HELD, LETTERS, SUCCESS_SCALE, success_colours
 from spgf_torch.hands.records import Gripper
 from spgf_torch.reporting.figures.learned import Grasps, Ring, short_outline
@@ -149,7 +148,7 @@ def grasps(looks: Sequence[Look], learned: Sequence[Grasps], gripper: Gripper) -
         for column, view in enumerate(views, start=1):
             sheet.paint(k, pieces, view, (half, -half, half), part=(column, 3))
     seen = ", ".join(WORDS[view] for view in views)
-    how_open = f"hand open {1000 * gripper.width:.0f} mm; " if is_jaw(gripper) else ""
+    how_open = f"hand open {1000 * gripper.width:.0f} mm; " if gripper.jaw else ""
     label = f"learned probability of success; {how_open}views: {seen}"
     sheet.bar(SUCCESS_SCALE, 1, label + "; coloured rings: as in Fig. 10")
     return sheet.figure

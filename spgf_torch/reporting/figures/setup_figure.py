@@ -13,7 +13,6 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from spgf_torch.drawing.outline import is_jaw
 from spgf_torch.drawing.style import COLLIDED, FAILED, HELD, LETTERS
 from spgf_torch.hands.records import Gripper
 from spgf_torch.reporting.figures.grid_figures import titled
@@ -99,7 +98,7 @@ def _hand(axis: Axes, gripper: Gripper) -> None:
     """The open hand from the side; of a jaw the opening is measured."""
     whole: trimesh.Trimesh = trimesh.util.concatenate(list(gripper.shapes))  # type: ignore[assignment]
     show(axis, mesh(whole.copy().apply_transform(DOWNWARDS), HAND_VIEW, HAND), HAND_VIEW)
-    if is_jaw(gripper):
+    if gripper.jaw:
         ends = np.array([[-gripper.width / 2, 0, -0.012], [gripper.width / 2, 0, -0.012]])
         _measure(axis, ends, HAND_VIEW, f"{1000 * gripper.width:.0f} mm")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 
-from spgf_torch.drawing.outline import is_jaw
 from spgf_torch.drawing.page import Section, caption, drawn, picture, png, table, turning
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.prototypes import naming as rule
@@ -63,7 +62,7 @@ def grasps_part(context: Context, shown: Pictured, kind: str) -> Part:
     ]
     shown_as = drawn(scenes.grasps(shown.looks, learned, gripper))
     words_for = f"the {WORDS[kind]} ({kind})" if kind in WORDS else f"the grasp type {html.escape(kind)}"
-    true = "at true width (but a third of their length)" if is_jaw(gripper) else "as outlines"
+    true = "at true width (but a third of their length)" if gripper.jaw else "as outlines"
     points = sum(found.points for found in learned)
     words = caption(
         f"What {shown.whose}, learned of {words_for}: each prototype alone, and in grey with hands "
