@@ -172,8 +172,10 @@ def sampled(
 ) -> tuple[list[Grasps], list[Tensor]]:
     """Candidates sampled on the objects' meshes, and their scores."""
     from spgf_torch.experiment.execution import candidate_grasps
+    from spgf_torch.simulation.config import samplers_of
 
-    grasps = [candidate_grasps(obj, config.samples, config.sampler, config.seed) for obj in objects]
+    samplers = samplers_of(config.hand)
+    grasps = [candidate_grasps(obj, config.samples, config.sampler, config.seed, samplers) for obj in objects]
     described = loaded[0].describer.describe(objects, grasps, stages)
     with stages.stage("voting", len(objects), "objects") as advance:
         scores = []
@@ -196,12 +198,13 @@ def proposed(
         loaded: of each object the model that meets it; none of a judge alone.
     """
     from spgf_torch.experiment.execution import candidate_grasps, with_random
+    from spgf_torch.simulation.config import samplers_of
 
-    pairs = []
+    pairs, samplers = [], samplers_of(config.hand)
     with stages.stage("proposing", len(objects), "objects") as advance:
         for index, obj in enumerate(objects):
             found, score = _proposals(loaded[index] if loaded else None, obj, config, judge)
-            random = candidate_grasps(obj, config.random_trials, config.sampler, config.seed)
+            random = candidate_grasps(obj, config.random_trials, config.sampler, config.seed, samplers)
             pairs.append(with_random(found, score, random))
             advance(1)
     return [grasps for grasps, _ in pairs], [score for _, score in pairs]

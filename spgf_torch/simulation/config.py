@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from spgf_torch.hands.config import HandConfig, grasp_types
 from spgf_torch.objects.config import ObjectsConfig
 from spgf_torch.settings import bounded, choice, defaults_from, text
+
+# Samplers of candidate grasps.
+SURFACE_PAIRS, APPROACH = "surface_pairs", "approach"
 
 
 @dataclass
@@ -15,6 +19,17 @@ class SamplerConfig:
 
     jitter_deg: float = bounded(0.0, 90.0)
     jitter: float = bounded(0.0, 0.1)
+    depth: float = bounded(0.0, 0.5)
+
+
+def sampler_of(hand: HandConfig, grasp_type: str) -> str:
+    """Which sampler makes the candidates of a grasp type: a name of `candidates.SAMPLERS`."""
+    return SURFACE_PAIRS
+
+
+def samplers_of(hand: HandConfig) -> dict[str, str]:
+    """Grasp type -> its sampler, in the order of the types' codes."""
+    return {name: sampler_of(hand, name) for name in grasp_types(hand)}
 
 
 @dataclass

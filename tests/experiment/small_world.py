@@ -46,7 +46,7 @@ def _object(places: Tensor, law: Tensor, generator: torch.Generator) -> Describe
     chance = law[kind[feature], place, grasp_type[grasp]].view(GRASPS, EACH).sum(1).sigmoid()
     pairs = CellPairs(feature.int(), grasp.int(), places[place], grasp_type)
     collides = torch.rand(GRASPS, generator=generator) < 0.2
-    return DescribedObject(relations, pairs, collides, torch.rand(GRASPS, generator=generator) < chance)
+    return DescribedObject(relations, pairs, collides, ("NPG", "WPG"), torch.rand(GRASPS, generator=generator) < chance)
 
 
 def experiment(examples: list[DescribedObject], **changes: Any) -> Experiment:

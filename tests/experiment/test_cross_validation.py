@@ -46,7 +46,7 @@ def test_a_single_training_fold_is_halved() -> None:
 def example(grasps: int) -> DescribedObject:
     none, grasp_type = torch.zeros(0, dtype=torch.int32), torch.arange(grasps) % 2
     pairs, success = CellPairs(none, none, none, grasp_type), torch.arange(grasps) % 3 == 0
-    return DescribedObject(torch.zeros(1, 144), pairs, torch.zeros(grasps).bool(), success)
+    return DescribedObject(torch.zeros(1, 144), pairs, torch.zeros(grasps).bool(), ("NPG", "WPG"), success)
 
 
 def test_samples_of_grasps() -> None:
@@ -72,7 +72,7 @@ def scores_of(log_odds: Tensor, paper: Tensor | None = None) -> GraspScores:
     """NPG without sensed collisions, one vote each."""
     paper, zero = log_odds if paper is None else paper, torch.zeros(len(log_odds), dtype=torch.long)
     by_ranking = {"paper": paper, "log_odds": log_odds, "log_odds_free": log_odds}
-    return GraspScores(zero + 1, paper, paper, by_ranking, zero, zero.bool())
+    return GraspScores(zero + 1, paper, paper, by_ranking, zero, zero.bool(), 2)
 
 
 @pytest.mark.parametrize(("winner", "paper", "log_odds"), [("paper", 1.0, 0.0), ("log_odds", 0.0, 1.0)])

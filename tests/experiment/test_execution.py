@@ -19,13 +19,13 @@ def block() -> GraspObject:
 
 def test_best_grasps_by_hand() -> None:
     """NPG: 0 (0.9), 2 (0.1); WPG: 3 and 1 tie at 0.5, the earlier first; both: 0, 1."""
-    best = best_grasps(torch.tensor([0.9, 0.5, 0.1, 0.5]), torch.tensor([0, 1, 0, 1]), n=2)
+    best = best_grasps(torch.tensor([0.9, 0.5, 0.1, 0.5]), torch.tensor([0, 1, 0, 1]), 2, ("NPG", "WPG"))
     assert {kind: chosen.tolist() for kind, chosen in best.items()} == {"NPG": [0, 2], "WPG": [1, 3], "CG": [0, 1]}
 
 
 def test_candidates_follow_from_seed_and_name(block: GraspObject) -> None:
-    sampler = settings(SamplerConfig)
-    first, again, other = (candidate_grasps(block, 20, sampler, seed) for seed in (0, 0, 1))
+    sampler, samplers = settings(SamplerConfig), dict.fromkeys(("NPG", "WPG"), "surface_pairs")
+    first, again, other = (candidate_grasps(block, 20, sampler, seed, samplers) for seed in (0, 0, 1))
     assert torch.equal(first.T_object_tcp, again.T_object_tcp)
     assert not torch.equal(first.T_object_tcp, other.T_object_tcp)
     assert first.grasp_type.tolist() == [0] * 20 + [1] * 20

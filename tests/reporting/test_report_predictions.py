@@ -21,7 +21,7 @@ def predictions(score: list[float], success: list[int], grasp_type: list[int]) -
     scores = {"paper": np.array(score), "log_odds": -np.array(score)}
     outcome, zeros, pose = np.array(success, dtype=bool), np.zeros(n), np.tile([0, 0, 0, 1.0, 0, 0, 0], (n, 1))
     types = np.array(grasp_type)
-    return Predictions("a", "boxes", 0, "", scores, zeros, zeros, zeros, outcome, types, outcome, pose)
+    return Predictions("a", "boxes", 0, "", scores, zeros, zeros, zeros, outcome, types, outcome, pose, ("NPG", "WPG"))
 
 
 def test_nested_ranks_by_the_ranking_of_the_objects_fold(tmp_path: Path) -> None:

@@ -84,7 +84,7 @@ def test_what_fails_is_told_and_the_rest_goes_on(tmp_path: Path) -> None:
 
     A crash that does not come again costs nothing but a line.
     """
-    T = sample(Toy("bad"), toys().provenance(Toy("bad"))).T_object_tcp(0, 2 * N)
+    T = sample(Toy("bad"), toys().provenance(Toy("bad")), TRIALS.samplers).T_object_tcp(0, 2 * N)
     hazards = {checksum(T[1]): "crash", checksum(T[7]): "hang", checksum(T[13]): "raise"}
     again = {checksum(T[20]): f"crash once {tmp_path / 'crashed'}"}
     objects = [Toy("bad", {**hazards, **again}), Toy("lethal", unmade="crash"), Toy("odd", unmade="raise"), Toy("well")]
@@ -111,7 +111,7 @@ def test_what_fails_is_told_and_the_rest_goes_on(tmp_path: Path) -> None:
 
 
 def test_a_word_can_stand_for_what_failed(tmp_path: Path) -> None:
-    T = sample(Toy("a"), toys().provenance(Toy("a"))).T_object_tcp(0, 2 * N)
+    T = sample(Toy("a"), toys().provenance(Toy("a")), TRIALS.samplers).T_object_tcp(0, 2 * N)
     toys(Toy("a", {checksum(T[3]): "raise"})).make(tmp_path, InlineExecutor(), failed_as="dropped")
     assert WORDS[read_table(tmp_path / "a.parquet").outcome[3]] == "dropped"
     assert manifest(tmp_path)["objects"]["a"]["failures"][0]["index"] == 3
@@ -128,7 +128,7 @@ def test_damaged_shards_and_those_of_other_settings(tmp_path: Path) -> None:
     shards[0].write_text(json.dumps(content))
     shards[1].write_bytes(b"\x00")
     before = {path: path.read_bytes() for path in (*shards, tmp_path / "manifest.json")}
-    other = RunState(tmp_path, (1, 1), {**calls.made_with, "seed": 1, "versions": {"physics": "1"}})
+    other = RunState(tmp_path, (1, 1), {**calls.made_with, "seed": 1, "versions": {"physics": "1"}}, types=2)
     with pytest.raises(InputError, match=r"manifest.json: expected trials made with seed 1, got 0"):
         other.open([calls.provenance(Toy("a"), seed=1)]).__enter__()
     with pytest.raises(InputError, match=r"manifest.json: expected trials made with physics 2, got 1; finish with"):
@@ -162,14 +162,14 @@ def test_a_full_disk_leaves_nothing_half_written(tmp_path: Path, monkeypatch: py
 
 def test_two_calls_do_not_share_a_folder(tmp_path: Path) -> None:
     made_with = {**toys().made_with, "versions": {}}
-    with RunState(tmp_path, (1, 2), made_with).open([]):
-        with pytest.raises(InputError, match="no other simulate"), RunState(tmp_path, (1, 1), made_with).open([]):
+    with RunState(tmp_path, (1, 2), made_with, 2).open([]):
+        with pytest.raises(InputError, match="no other simulate"), RunState(tmp_path, (1, 1), made_with, 2).open([]):
             pass
-        with pytest.raises(InputError, match="no other simulate"), RunState(tmp_path, (1, 2), made_with).open([]):
+        with pytest.raises(InputError, match="no other simulate"), RunState(tmp_path, (1, 2), made_with, 2).open([]):
             pass
-        with RunState(tmp_path, (2, 2), made_with).open([]):
+        with RunState(tmp_path, (2, 2), made_with, 2).open([]):
             pass
-    with RunState(tmp_path, (1, 1), made_with).open([]):
+    with RunState(tmp_path, (1, 1), made_with, 2).open([]):
         pass
     assert [path.name for path in tmp_path.iterdir()] == ["manifest.json"]
 

@@ -13,7 +13,8 @@ def poses(name: str = "egg", seed: int = 0) -> Poses:
     """Twenty of each type."""
     toy = Toy(name)
     sampler = vars(settings(SamplerConfig))
-    return sample(toy, Provenance(toy.name, toy.digest, TRIALS.hand.digest, sampler, {}, candidates=20, seed=seed))
+    made = Provenance(toy.name, toy.digest, TRIALS.hand.digest, sampler, {}, candidates=20, seed=seed)
+    return sample(toy, made, TRIALS.samplers)
 
 
 def test_candidates_follow_seed_name_and_type() -> None:
