@@ -40,6 +40,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.experiment.execution import execute_best
     from spgf_torch.files.writing import write_bytes
     from spgf_torch.hands.hand import load_hand
+    from spgf_torch.hands.records import grippers_of
     from spgf_torch.objects.folders import read_objects
     from spgf_torch.reporting.figures.failures import failures_picture
     from spgf_torch.simulation.execute import Trials
@@ -70,7 +71,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     results = executed_results(outcomes_of(objects, executed, each), config)
     results |= {"learned_from": known, **_judged(executed, scores, config)}
     write_json(folder / "results.json", results)
-    failures = failures_picture(objects, grasps, executed, config.hand.openings)
+    failures = failures_picture(objects, grasps, executed, grippers_of(trials.hand))
     if failures:
         write_bytes(folder / "failures.png", failures)
     pictured = "failures.png shows the CG grasps that failed" if failures else "no CG grasp failed: no picture"
