@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spgf_torch.cli.command import run_command
 from spgf_torch.extras import installed, remedy
 from spgf_torch.files.given_paths import check_files, model_and_judge
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.scene.config import PredictConfig
 
@@ -21,10 +20,10 @@ if TYPE_CHECKING:
     from spgf_torch.scene.scene import Scene
 
 
-def by_type(grasps: Sequence[Grasp]) -> str:
+def by_type(grasps: Sequence[Grasp], grasp_types: Iterable[str]) -> str:
     """How many there are of each type: `10 NPG, 10 WPG`."""
     counted = Counter(grasp.type for grasp in grasps)
-    return ", ".join(f"{counted[grasp_type]} {grasp_type}" for grasp_type in GRASP_TYPES)
+    return ", ".join(f"{counted[grasp_type]} {grasp_type}" for grasp_type in sorted(grasp_types))
 
 
 def _ranking(predictor: Predictor, votes: Path | None, judge: Path | None, scene: Scene) -> list[str]:
@@ -128,16 +127,19 @@ def run(config: PredictConfig, folder: Path) -> None:
     doubts = _doubts(grasps, predictor, scene)
     write_grasps(folder / "grasps.json", grasps, predictor.grippers, judge_head(grasps, predictor, scene, judge))
     write_isaac(folder / "isaac_grasp.yaml", grasps, predictor.grippers)
-    write_graspnet(folder / "graspnet.npy", grasps, predictor.grippers)
+    jaws = [grasp for grasp in grasps if predictor.grippers[grasp.type].jaw]
+    write_graspnet(folder / "graspnet.npy", jaws, predictor.grippers)
     if len(scene.texlets):
         _write_page(folder, grasps, predictor, scene, (doubts, *(ranking if judge else ())))
     if grasps:
         show(grasp_table(grasps[: config.N], predictor.names, targets=len(scene.targets) > 1))
     if doubts:
         show(doubts)
+    if left := len(grasps) - len(jaws):
+        show(f"graspnet.npy: {left} grasps left out, of types that are no two-finger jaw; the other files have them")
     for target in scene.targets if len(scene.targets) > 1 else ():
         show(f"target {target}: {sum(grasp.target == target for grasp in grasps)} grasps")
-    show(f"{len(grasps)} grasps ({by_type(grasps)}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
+    show(f"{len(grasps)} grasps ({by_type(grasps, predictor.grippers)}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
     show(_files(folder, bool(len(scene.texlets))))
 
 

@@ -151,13 +151,14 @@ def calibrated(data: Data, logits: FoldLogits, n: int) -> tuple[Calibration, str
     Of the inner objects' grasps the same share counts as n is of all.
     """
     known = {i: data.of(i, data.taught[i]) for i in logits.inner}
-    columns = (torch.cat([part[at] for part in known.values()]) for at in range(3))
-    calibration = fit_calibration(torch.cat(list(logits.inner.values())), *columns)
+    grasp_type, collides, success = (torch.cat([part[at] for part in known.values()]) for at in range(3))
+    logit, types = torch.cat(list(logits.inner.values())), data.tables[0].grasp_types
+    calibration = fit_calibration(logit, grasp_type, collides, success, len(types))
     rates: dict[str, float] = {}
     for i, (grasp_type, collides, success) in known.items():
         best = max(1, round(n * len(success) / len(data.tables[i])))
         for name, score in scores(logits.inner[i], grasp_type, collides, calibration).items():
-            rate = top_n(score.numpy(), success.numpy(), grasp_type.numpy(), best)["CG"]
+            rate = top_n(score.numpy(), success.numpy(), grasp_type.numpy(), best, types)["CG"]
             rates[name] = rates.get(name, 0.0) + rate
     return calibration, max(rates, key=lambda name: rates[name])
 
@@ -184,5 +185,6 @@ def predictions_of(data: Data, logits: dict[int, FoldLogits], n: int) -> list[Pr
                 grasp_type=grasp_type.numpy(),
                 collides=collides.numpy(),
                 pose=pose_columns(data.tables[i].T_object_tcp),
+                grasp_types=data.tables[i].grasp_types,
             )
     return [found[i] for i in range(len(data.objects))]

@@ -11,7 +11,8 @@ import pytest
 from asymmetric import EXACT, GRIPPERS, asymmetric
 
 from spgf_torch.drawing.grasp_page import write_scene_page
-from spgf_torch.drawing.grasp_scene import PATCHES, look, outline, pieces, scene_of
+from spgf_torch.drawing.grasp_scene import PATCHES, look, pieces, scene_of
+from spgf_torch.drawing.outline import outline
 from spgf_torch.errors import InputError
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -33,7 +34,7 @@ def test_the_outline_ends_at_the_fingertips() -> None:
     """Fingers 80 mm apart, out to 15 mm beyond the TCP; in the input's frame the closing direction is +y and the
     approach (0.5, 0, c): the tips lie at (0.1, 0.2, 0.3) + 0.015 (0.5, 0, c) -+ 0.04 (0, 1, 0) =
     (0.1075, 0.16 or 0.24, 0.3129904)."""
-    _, palm, left, right = outline(GRIPPERS["WPG"])
+    _, palm, left, right = outline(GRIPPERS["WPG"], 0.045, 0.03)
     assert palm[:, 0].tolist() == [-0.04, 0.04] and left[1].tolist() == [-0.04, 0, 0.015]
     assert right[0].tolist() == palm[1].tolist()
     segments = scene_of(*ball(), [asymmetric()], GRIPPERS).outlines[0]

@@ -81,6 +81,7 @@ def make_table(obj: GraspObject) -> TrialTable:
         grasp_type=torch.arange(2).repeat_interleave(2),
         outcome=torch.tensor([OUTCOMES.index(word) for word in OUTCOME]),
         versions={"sapien": "3.0.3"},
+        grasp_types=("NPG", "WPG"),
     )
 
 
