@@ -74,7 +74,8 @@ def _write_page(
     words: tuple[str, ...] = ()
     if predictor.judged is not None:
         known = [grasp.numbers for grasp in grasps if grasp.numbers is not None]
-        words = tuple(map(weighed_words, weighed(predictor.judged.judge, known)))
+        names = sorted(predictor.grippers)
+        words = tuple(weighed_words(weights, names) for weights in weighed(predictor.judged.judge, known))
     given = tuple(line for line in lines if line)
     beside = Beside(scene.obstacles.double().numpy(), scene.table, given, scene.notes, words)
     positions, normals = scene.texlets.positions.double().numpy(), scene.texlets.normals.double().numpy()
@@ -139,7 +140,8 @@ def run(config: PredictConfig, folder: Path) -> None:
         show(f"graspnet.npy: {left} grasps left out, of types that are no two-finger jaw; the other files have them")
     for target in scene.targets if len(scene.targets) > 1 else ():
         show(f"target {target}: {sum(grasp.target == target for grasp in grasps)} grasps")
-    show(f"{len(grasps)} grasps ({by_type(grasps, predictor.grippers)}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
+    counted = by_type(grasps, predictor.grippers)
+    show(f"{len(grasps)} grasps ({counted}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
     show(_files(folder, bool(len(scene.texlets))))
 
 

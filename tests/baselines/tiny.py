@@ -86,7 +86,7 @@ def tiny(folder: Path, trials_per_object: int = 1000) -> Data:
     describer = Describer(sensing, settings(FeatureConfig), settings(AffordanceConfig), VOLUMES, 0)
     collides = [torch.zeros(TRIALS, dtype=torch.bool) for _ in things]
     taught = taught_rows(tables, samples.start, trials_per_object, 0)
-    return Data(things, tables, fold, collides, samples, taught, describer)
+    return Data(things, tables, fold, collides, samples, taught, torch.ones(2, dtype=torch.bool), describer)
 
 
 def write_shards(
