@@ -8,6 +8,9 @@ from typing import Any
 from spgf_torch.settings import bounded, choice, text
 
 
+GRASP_TYPES = ("NPG", "WPG")  # of the paper's hand; rooms that still count on them
+
+
 @dataclass
 class JointConfig:
     """One joint, where it differs from what follows from the URDF and `closing`; N, N/m, N s/m of one that slides.
