@@ -280,7 +280,7 @@ def test_the_hands_root_is_the_gripper(trials: TrialSet, tmp_path: Path) -> None
     np.testing.assert_allclose(xyz, 0, atol=1e-12)
     turned = Rotation.from_euler("xyz", rpy).apply([0, 1, 0])
     np.testing.assert_allclose(turned, [1, 0, 0], atol=1e-9)  # its y is the closing direction
-    [mesh] = [mesh for mesh in robot.iter("mesh")]
+    [mesh] = list(robot.iter("mesh"))
     piece = trimesh.load_mesh(tmp_path / "hand" / mesh.get("filename"))
     np.testing.assert_allclose(piece.extents, 0.1)  # of the palm's mesh file, beside the URDF wherever that was
 
