@@ -15,6 +15,8 @@ from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.scene.config import PredictConfig
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from spgf_torch.hands.records import Grasp
     from spgf_torch.predictor import Predictor
     from spgf_torch.scene.scene import Scene
@@ -62,6 +64,18 @@ def _doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> str 
     return f"nothing sure: the best holds with a probability of {best:.0%}, less than {sure:.0%}"
 
 
+def closings(predictor: Predictor) -> dict[str, np.ndarray]:
+    """Grasp type -> how the shapes of its hand move while it closes, for a page."""
+    from spgf_torch.drawing.page_hands import fractions
+    from spgf_torch.hands.config import HandConfig
+    from spgf_torch.hands.hand import closing_poses, load_hand
+    from spgf_torch.settings import typed
+
+    known = predictor.model or predictor.judged.judge  # type: ignore[union-attr]
+    hand = load_hand(typed(HandConfig, known.settings["hand"]))
+    return {name: closing_poses(hand, name, fractions()) for name in predictor.grippers}
+
+
 def _write_page(
     folder: Path, grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, lines: Sequence[str | None]
 ) -> None:
@@ -77,7 +91,8 @@ def _write_page(
         names = sorted(predictor.grippers)
         words = tuple(weighed_words(weights, names) for weights in weighed(predictor.judged.judge, known))
     given = tuple(line for line in lines if line)
-    beside = Beside(scene.obstacles.double().numpy(), scene.table, given, scene.notes, words)
+    closing = closings(predictor) if grasps else {}
+    beside = Beside(scene.obstacles.double().numpy(), scene.table, given, scene.notes, words, closing)
     positions, normals = scene.texlets.positions.double().numpy(), scene.texlets.normals.double().numpy()
     pictures = folder / "index.html" if installed("plotly") else None, folder / "grasps.png"
     write_scene_page(*pictures, positions, normals, grasps, predictor.grippers, predictor.names, beside)
