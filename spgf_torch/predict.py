@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from spgf_torch.scene.config import PredictConfig
 if TYPE_CHECKING:
     import numpy as np
 
-    from spgf_torch.hands.records import Grasp
+    from spgf_torch.hands.records import Grasp, Gripper
     from spgf_torch.predictor import Predictor
     from spgf_torch.scene.scene import Scene
 
@@ -62,6 +62,21 @@ def _doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> str 
         return None
     best, sure = grasps[0].probability, judged.judge.sure
     return f"nothing sure: the best holds with a probability of {best:.0%}, less than {sure:.0%}"
+
+
+def write_files(
+    folder: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper], judge: dict[str, Any] | None
+) -> int:
+    """Write the grasps in every format; returns how many `graspnet.npy` lacks, which holds two-finger jaws alone."""
+    from spgf_torch.formats.graspnet import write_graspnet
+    from spgf_torch.formats.grasps_json import write_grasps
+    from spgf_torch.formats.isaac import write_isaac
+
+    write_grasps(folder / "grasps.json", grasps, grippers, judge)
+    write_isaac(folder / "isaac_grasp.yaml", grasps, grippers)
+    jaws = [grasp for grasp in grasps if grippers[grasp.type].jaw]
+    write_graspnet(folder / "graspnet.npy", jaws, grippers)
+    return len(grasps) - len(jaws)
 
 
 def closings(predictor: Predictor) -> dict[str, np.ndarray]:
@@ -114,9 +129,6 @@ def run(config: PredictConfig, folder: Path) -> None:
 
     from spgf_torch.affordance.model import check_device
     from spgf_torch.drawing.grasp_table import grasp_table
-    from spgf_torch.formats.graspnet import write_graspnet
-    from spgf_torch.formats.grasps_json import write_grasps
-    from spgf_torch.formats.isaac import write_isaac
     from spgf_torch.predictor import Predictor, sensing_of
     from spgf_torch.scene.assembly import read_scene
 
@@ -141,17 +153,14 @@ def run(config: PredictConfig, folder: Path) -> None:
     seconds = time.perf_counter() - start
 
     doubts = _doubts(grasps, predictor, scene)
-    write_grasps(folder / "grasps.json", grasps, predictor.grippers, judge_head(grasps, predictor, scene, judge))
-    write_isaac(folder / "isaac_grasp.yaml", grasps, predictor.grippers)
-    jaws = [grasp for grasp in grasps if predictor.grippers[grasp.type].jaw]
-    write_graspnet(folder / "graspnet.npy", jaws, predictor.grippers)
+    left = write_files(folder, grasps, predictor.grippers, judge_head(grasps, predictor, scene, judge))
     if len(scene.texlets):
         _write_page(folder, grasps, predictor, scene, (doubts, *(ranking if judge else ())))
     if grasps:
         show(grasp_table(grasps[: config.N], predictor.names, targets=len(scene.targets) > 1))
     if doubts:
         show(doubts)
-    if left := len(grasps) - len(jaws):
+    if left:
         show(f"graspnet.npy: {left} grasps left out, of types that are no two-finger jaw; the other files have them")
     for target in scene.targets if len(scene.targets) > 1 else ():
         show(f"target {target}: {sum(grasp.target == target for grasp in grasps)} grasps")
