@@ -13,14 +13,6 @@ ALL = "CG"  # all grasp types of a hand in one ranking: the paper's combined gra
 Rates = dict[str, float]  # of one object: grasp type or CG -> share of successes
 
 
-# For rooms that still know two types alone.
-TYPES = ("NPG", "WPG", ALL)
-
-
-def of_type(grasp_type: np.ndarray, name: str) -> np.ndarray:
-    return of_each_type(grasp_type, TYPES[:-1])[name]
-
-
 def of_each_type(grasp_type: np.ndarray, grasp_types: Sequence[str]) -> dict[str, np.ndarray]:
     """Grasp type, and CG at the end -> (G,) bool: which grasps are of that type; CG takes all."""
     of_type = {name: grasp_type == code for code, name in enumerate(grasp_types)}

@@ -22,14 +22,9 @@ class SamplerConfig:
     depth: float = bounded(0.0, 0.5)
 
 
-def sampler_of(hand: HandConfig, grasp_type: str) -> str:
-    """Which sampler makes the candidates of a grasp type: a name of `candidates.SAMPLERS`."""
-    return SURFACE_PAIRS
-
-
 def samplers_of(hand: HandConfig) -> dict[str, str]:
-    """Grasp type -> its sampler, in the order of the types' codes."""
-    return {name: sampler_of(hand, name) for name in grasp_types(hand)}
+    """Grasp type -> the sampler of its candidates (`candidates.SAMPLERS`), in the order of the types' codes."""
+    return {name: hand.preshapes[name].sampler for name in grasp_types(hand)}
 
 
 @dataclass

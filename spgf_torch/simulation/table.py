@@ -233,7 +233,7 @@ def dictionary(codes: Tensor, words: tuple[str, ...]) -> pa.DictionaryArray:
 def codes_in(path: Path, content: pa.Table, column: str, words: tuple[str, ...]) -> Tensor:
     """(M,) int64 into `words`, of a column of them. Raises InputError for other words."""
     values = content[column].cast(pa.string())
-    codes = pc.index_in(values, pa.array(words))
+    codes = pc.index_in(values, pa.array(words, pa.string()))
     if codes.null_count:
         unknown = set(values.to_pylist()) - set(words)
         raise InputError(f"{path}: expected {column} one of {', '.join(words)}; got {min(map(str, unknown))}")

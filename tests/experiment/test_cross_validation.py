@@ -15,7 +15,7 @@ from spgf_torch.affordance.pairs import CellPairs
 from spgf_torch.affordance.ranking import GraspScores
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.cross_validation import calibrate, calibrated_elsewhere, choose
-from spgf_torch.experiment.described_object import DescribedObject
+from spgf_torch.experiment.described_object import DescribedObject, sample_of_each_type
 from spgf_torch.experiment.experiment import Design, Experiment
 from spgf_torch.experiment.learning import side_by_side
 from spgf_torch.progress import ProgressReporter
@@ -58,6 +58,14 @@ def test_samples_of_grasps() -> None:
     assert obj.of_grasps(torch.arange(40)) is obj  # nothing is copied
     some = obj.of_grasps(torch.tensor([3, 8]))
     assert some.outcomes.tolist() == [True, False] and some.grasp_type.tolist() == [1, 0]
+
+
+def test_a_sample_of_each_of_three_types() -> None:
+    """Of one, five and three at most three each; the codes need not begin at 0."""
+    grasp_type = torch.tensor([2, 1, 2, 2, 3, 2, 3, 2, 3])
+    found = sample_of_each_type(grasp_type, 3, torch.Generator().manual_seed(0))
+    assert torch.bincount(grasp_type[found]).tolist() == [0, 1, 3, 3] and found.tolist() == sorted(set(found.tolist()))
+    assert len(sample_of_each_type(grasp_type[:0], 3, torch.Generator())) == 0
 
 
 def test_what_nobody_tried_teaches_nothing() -> None:

@@ -54,6 +54,18 @@ def test_a_table_comes_back_bit_by_bit(own: OwnTrials, tmp_path: Path) -> None:
         assert torch.equal(a.probability, b.probability) and torch.equal(a.rank, b.rank)
 
 
+def test_types_that_nothing_was_chosen_of_keep_their_codes(own: OwnTrials, tmp_path: Path) -> None:
+    """Of four types the judges chose the first and the third; to a hand without the third they are foreign."""
+    four = ("claw", "hook", "pinch", "scoop")
+    made = replace(own, grasp_type=2 * own.grasp_type, grasp_types=four)
+    write_own(tmp_path, made)
+    (back,) = read_own(tmp_path, [own.provenance], four)
+    assert back.grasp_types == four and back.grasp_type.tolist() == [0, 2, 0, 2, 2] * 2
+    assert back.at_round(2).grasp_types == four
+    with pytest.raises(InputError, match="expected type one of claw, hook, scoop; got pinch"):
+        read_own(tmp_path, [own.provenance], ("claw", "hook", "scoop"))
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

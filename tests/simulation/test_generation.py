@@ -5,6 +5,7 @@ import json
 import random
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -172,6 +173,25 @@ def test_two_calls_do_not_share_a_folder(tmp_path: Path) -> None:
     with RunState(tmp_path, (1, 1), made_with, 2).open([]):
         pass
     assert [path.name for path in tmp_path.iterdir()] == ["manifest.json"]
+
+
+def test_a_hand_of_three_types(tmp_path: Path) -> None:
+    """Twelve candidates of each, cut off after four chunks of five at most, then taken up again."""
+    types = ("claw", "hook", "pinch")
+    three = SimpleNamespace(**{**vars(TRIALS), "grasp_types": types, "samplers": dict.fromkeys(types, "surface_pairs")})
+    calls = Calls([Toy("a")], three, toss, N)
+    with pytest.raises(KeyboardInterrupt):
+        calls.make(tmp_path, Ending(4))
+    run_state, ran = calls.make(tmp_path, InlineExecutor())
+    assert (run_state.trials, ran) == (3 * N, 3 * N - 17)
+    table = read_table(tmp_path / "a.parquet")
+    assert table.grasp_types == types and table.grasp_type.tolist() == [0] * N + [1] * N + [2] * N
+    T = sample(Toy("a"), calls.provenance(Toy("a")), three.samplers).T_object_tcp(2 * N, 3 * N)
+    assert [WORDS[code] for code in table.outcome[2 * N :].tolist()] == [
+        toss(Toy("a"), three, "pinch")(one) for one in T
+    ]
+    with pytest.raises(InputError, match="expected trials of the hand's grasp types NPG, WPG; got claw, hook, pinch"):
+        toys(Toy("a")).make(tmp_path, InlineExecutor())
 
 
 def test_a_manifest_of_something_else(tmp_path: Path) -> None:

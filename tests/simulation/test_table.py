@@ -141,3 +141,29 @@ def test_quaternions_may_be_a_thousandth_off(tmp_path):
     for bad in (torch.inf, torch.nan):
         with pytest.raises(InputError, match="finite poses"):
             check_poses(tmp_path, torch.full((3, 3), bad), unit.repeat(3, 1))
+
+
+def test_a_table_of_three_types_comes_back(tmp_path, table):
+    """Two candidates of each of claw, hook and pinch; the words are sorted, whatever the order of the rows."""
+    types = ("claw", "hook", "pinch")
+    made = replace(
+        table,
+        provenance=replace(PROVENANCE, candidates=2),
+        grasp_type=torch.tensor([2, 0, 1, 1, 0, 2]),
+        grasp_types=types,
+    )
+    write_table(table_path(tmp_path, "mug"), made)
+    (got,) = read_tables(tmp_path, [made.provenance], types)
+    assert got.grasp_types == types and got.grasp_type.tolist() == [2, 0, 1, 1, 0, 2]
+    with pytest.raises(
+        InputError, match=r"mug.parquet: expected trials of the hand's grasp types NPG, WPG; got claw, "
+    ):
+        read_tables(tmp_path, [made.provenance], TYPES)
+
+
+def test_each_type_has_its_candidates(tmp_path, table):
+    """Three of each are said; two NPG and four WPG are six, too, but not three of each."""
+    path = table_path(tmp_path, "mug")
+    write_table(path, replace(table, grasp_type=torch.tensor([0, 1, 0, 1, 1, 1])))
+    with pytest.raises(InputError, match="expected 3 trials of each grasp type, got 2 of NPG, 4 of WPG"):
+        read_table(path)
