@@ -55,6 +55,8 @@ class Beside:
         obstacles: (K, 3) m, what else was sensed. table: (4,) a, b, c, d, a x + b y + c z + d the height above it, m.
         lines: of plain text, on how the grasps came about. notes: on the input.
         weighed: of each grasp what a judge weighed, in words; () where none ranked.
+        closing: grasp type -> (F, shapes, 4, 4) of `hands.hand.closing_poses` at `page_hands.fractions`; of types that
+            are not in it hands are shown open alone.
     """
 
     obstacles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
@@ -62,6 +64,7 @@ class Beside:
     lines: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     weighed: tuple[str, ...] = ()
+    closing: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

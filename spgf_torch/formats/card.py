@@ -175,10 +175,10 @@ and shaken: friction {made["episode"]["friction"]:g}, rigid bodies, no table, no
 - `hand/GRIPPER.urdf`: the hand with a root link GRIPPER, of which the grasps are poses; `hand/GRIPPER.json`: its
   joints, open and closed, and the poses of its base link and TCP in that frame
 
-Grippers are {" and ".join(known["grippers"])}: the same hand, open for each of its grasp types. Grasps are poses of the gripper in
-the frame of the object's mesh: +z approach, +x closing, origin at the hand's base. Metres, radians. Splits are the
-{known["folds"]} folds of the cross-validation over objects: `splits/.../foldF/valid.txt` names the objects of fold F,
-`train.txt` the others. An `<id>` is the object's name with - for _.
+Grippers are {" and ".join(known["grippers"])}: the same hand, open for each of its grasp types. Grasps are poses of the
+gripper in the frame of the object's mesh: +z approach, +x closing, origin at the hand's base. Metres, radians. Splits
+are the {known["folds"]} folds of the cross-validation over objects: `splits/.../foldF/valid.txt` names the objects of
+fold F, `train.txt` the others. An `<id>` is the object's name with - for _.
 """
 
 

@@ -60,10 +60,10 @@ def write_graspgen(folder: Path, trials: TrialSet, advance: Callable[[int], None
         (folder / "grasp_data" / gripper.name).mkdir(parents=True)
         (folder / "grippers" / f"{gripper.name}.yaml").write_text(gripper_yaml(gripper))
         write_splits(folder / "splits" / gripper.name, trials, mesh_file)
-    for number, obj in enumerate(trials.objects):
+    for i, obj in enumerate(trials.objects):
         for gripper in trials.grippers.values():
             path = folder / "grasp_data" / gripper.name / f"{obj.name}.json"
-            path.write_text(grasps_text(obj, gripper, grasps_of(trials, number, gripper)))
+            path.write_text(grasps_text(obj, gripper, grasps_of(trials, i, gripper)))
         advance(1)
 
 

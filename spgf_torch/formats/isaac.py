@@ -83,10 +83,10 @@ def write_isaac_trials(folder: Path, trials: TrialSet, advance: Callable[[int], 
     """
     for gripper in trials.grippers.values():
         (folder / gripper.name).mkdir(parents=True)
-    for number, obj in enumerate(trials.objects):
+    for i, obj in enumerate(trials.objects):
         for gripper in trials.grippers.values():
             path = folder / gripper.name / f"{obj.name}.yaml"
-            path.write_text(_trials_text(obj, gripper, grasps_of(trials, number, gripper)))
+            path.write_text(_trials_text(obj, gripper, grasps_of(trials, i, gripper)))
         advance(1)
     write_splits(folder / "splits", trials, lambda obj: f"{obj.name}.yaml")
 

@@ -4,7 +4,7 @@
 folds. A sample has two files:
 
     KEY.cloud.npy   (P, 3) float32, m: sensed points about the grasp in the frame of its TCP (+z approach, +x closing)
-    KEY.json        {"type": the grasp type, "label": 0 or 1, "outcome": ..., "object": ..., "class": ..., "fold": F, "index": i}
+    KEY.json        {"type": ..., "label": 0 or 1, "outcome": ..., "object": ..., "class": ..., "fold": F, "index": i}
 
 KEY is OBJECT_TYPE_i; i is the row of the object's trial table.
 """

@@ -257,7 +257,9 @@ def _check_pictured(run: Run) -> None:
     except InputError as error:
         raise InputError(f"{path}: hand: expected the settings of a hand, got others ({error})") from None
     if known != run.grasp_types:
-        raise InputError(f"{path}: hand: expected {', '.join(run.grasp_types)}, as the rates have; got {', '.join(known) or 'none'}")
+        raise InputError(
+            f"{path}: hand: expected {', '.join(run.grasp_types)}, as the rates have; got {', '.join(known) or 'none'}"
+        )
 
 
 def _stamp(folder: Path) -> str:
