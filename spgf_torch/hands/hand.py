@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +18,14 @@ from spgf_torch.errors import InputError
 from spgf_torch.hands.config import ClosingConfig, HandConfig, PreshapeConfig, grasp_types
 from spgf_torch.hands.drives import closing_settings, drives_of
 from spgf_torch.hands.kinematics import Kinematics
-from spgf_torch.hands.motion import Motion, motion_of
+from spgf_torch.hands.motion import Motion, check_known, motion_of
 from spgf_torch.hands.pads import Pads, pads_of
 from spgf_torch.hands.preshape import Closing, Preshape
 from spgf_torch.hands.robot import Robot
 from spgf_torch.hands.urdf import read_robot
 from spgf_torch.settings import plain, typed
+
+PAD = 0.01  # m, half a fingertip's width: what of a finger is level with the TCP
 
 __all__ = ["Hand", "closing_poses", "load_hand"]
 
@@ -74,6 +76,7 @@ _HANDS: dict[tuple[str, str, str], Hand] = {}
 def _hand(robot: Robot, config: HandConfig) -> Hand:
     if not config.preshapes:
         raise InputError("hand.preshapes: expected one or more, got none")
+    config = _with_known_names(robot, config)
     kinematics = Kinematics(robot)
     approach = np.asarray(config.approach, dtype=np.float64)
     if approach.shape != (3,) or not np.linalg.norm(approach) > 0:
@@ -87,6 +90,17 @@ def _hand(robot: Robot, config: HandConfig) -> Hand:
     told = {key: value for key, value in plain(config).items() if key not in ("urdf", "packages")}
     digest = hashlib.sha256((robot.digest + json.dumps(told, sort_keys=True)).encode()).hexdigest()
     return Hand(config, robot, preshapes, digest)
+
+
+def _with_known_names(robot: Robot, config: HandConfig) -> HandConfig:
+    """The same with each finger a list of links. Raises InputError for links and joints that the URDF has not."""
+    fingers = {name: [links] if isinstance(links, str) else links for name, links in config.fingers.items()}
+    for name, links in fingers.items():
+        if not isinstance(links, list) or not links:
+            raise InputError(f"hand.fingers.{name}: expected a list of links, got {links!r:.40}")
+        check_known(f"hand.fingers.{name}", links, robot.links, "a link")
+    check_known("hand.joints", config.joints, (j.name for j in robot.joints if j.moves), "a joint that moves")
+    return replace(config, fingers=fingers)
 
 
 @dataclass(frozen=True)
@@ -133,22 +147,27 @@ def _preshape(opened: _Opened, config: HandConfig, closing: ClosingConfig, appro
         groups=tuple(tuple(link for finger in group for link in config.fingers[finger]) for group in motion.groups),
         touch=told.touch or len(motion.groups),
         pads=pads.at(links),
-        opening=_opening(told, pads, links, T_base_tcp),
+        opening=_opening(told, motion, links, T_base_tcp),
         jaw=jaw,
         symmetry=told.symmetry or (2 if jaw and _both_move(motion, config) else 1),
         sampler=told.sampler,
     )
 
 
-def _opening(told: PreshapeConfig, pads: Pads, links: dict[str, np.ndarray], T_base_tcp: np.ndarray) -> float:
-    """m between opposing sides (`Preshape.opening`)."""
+def _opening(told: PreshapeConfig, motion: Motion, links: dict[str, np.ndarray], T_base_tcp: np.ndarray) -> float:
+    """m that are free between opposing groups (`Preshape.opening`), `PAD` about the height of the TCP."""
     if told.opening is not None:
         return told.opening
-    sides = pads.sides(links)
+    T_tcp_base = np.linalg.inv(T_base_tcp)
+    sides = []
+    for group in motion.shape_groups:
+        points = np.concatenate([shape.points_at(links) for shape in group]) @ T_tcp_base[:3, :3].T + T_tcp_base[:3, 3]
+        level = np.abs(points[:, 2]) <= PAD
+        sides.append(points[level] if level.any() else points)
     if len(sides) == 2:
-        return float(abs((sides[1] - sides[0]) @ T_base_tcp[:3, 0]))
-    across = (sides - T_base_tcp[:3, 3]) @ T_base_tcp[:3, :2]
-    return 2 * float(np.linalg.norm(across, axis=1).mean())
+        low, high = sorted(sides, key=lambda points: float(points[:, 0].mean()))
+        return max(float(high[:, 0].min() - low[:, 0].max()), 0.0)
+    return 2 * float(min(np.linalg.norm(points[:, :2], axis=1).min() for points in sides))
 
 
 def _both_move(motion: Motion, config: HandConfig) -> bool:

@@ -106,7 +106,7 @@ def motion_of(kinematics: Kinematics, config: HandConfig, name: str) -> Motion:
     held = _values(f"{where}.hold", preshape.hold, kinematics)
     given = _values(f"{where}.open", preshape.open, kinematics)
     for key in ("hold", "open"):
-        _known(f"{where}.{key}", getattr(preshape, key), kinematics.moving, "a joint that moves")
+        check_known(f"{where}.{key}", getattr(preshape, key), kinematics.moving, "a joint that moves")
     phases = _phases(where, preshape, kinematics)
     named = {joint for phase in phases for joint in phase}
     if both := named & held.keys():
@@ -130,7 +130,7 @@ def _groups(where: str, preshape: PreshapeConfig, fingers: Sequence[str]) -> tup
         return tuple((finger,) for finger in fingers)
     groups = tuple((group,) if isinstance(group, str) else tuple(group) for group in preshape.oppose)
     named = [finger for group in groups for finger in group]
-    _known(f"{where}.oppose", named, fingers, "a finger")
+    check_known(f"{where}.oppose", named, fingers, "a finger")
     if len(groups) < 2 or len(named) != len(set(named)) or not all(groups):
         raise InputError(f"{where}.oppose: expected two or more groups of different fingers, got {preshape.oppose}")
     if preshape.touch is not None and preshape.touch > len(groups):
@@ -146,7 +146,7 @@ def _phases(where: str, preshape: PreshapeConfig, kinematics: Kinematics) -> tup
     for phase in phases:
         if not isinstance(phase, dict) or not phase:
             raise InputError(f"{where}.phases: expected joints and their shares, got {phase!r:.40}")
-        _known(f"{where}.close", phase, kinematics.moving, "a joint that moves")
+        check_known(f"{where}.close", phase, kinematics.moving, "a joint that moves")
         for joint, share in phase.items():
             if not isinstance(share, int | float) or not 0 < abs(share) <= 1:
                 raise InputError(f"{where}.close.{joint}: expected a share from -1 to 1, not 0, got {share!r:.40}")
@@ -158,12 +158,12 @@ def _parallel(
 ) -> dict[str, Follow]:
     """Rules of joints that turn against others such that what they carry keeps its direction."""
     rules: dict[str, Follow] = {}
-    _known(f"{where}.parallel", preshape.parallel, kinematics.moving, "a joint that moves")
+    check_known(f"{where}.parallel", preshape.parallel, kinematics.moving, "a joint that moves")
     for name, rule in preshape.parallel.items():
         told: dict[str, Any] = rule if isinstance(rule, dict) else {"of": rule}
         if unknown := set(told) - {"of", "ratio", "offset"}:
             raise InputError(f"{where}.parallel.{name}: expected of, ratio and offset, got {min(unknown)}")
-        _known(f"{where}.parallel.{name}", [told.get("of")], kinematics.moving, "a joint that moves")
+        check_known(f"{where}.parallel.{name}", [told.get("of")], kinematics.moving, "a joint that moves")
         of = str(told["of"])
         ratio = float(told.get("ratio", -_same_way(kinematics, name, of)))
         offset = _radians(kinematics.moving[name], float(told.get("offset", 0.0)))
@@ -223,7 +223,7 @@ def _spread(motion: Motion, links: Mapping[str, np.ndarray]) -> float:
 
 def _values(where: str, told: Mapping[str, float], kinematics: Kinematics) -> dict[str, float]:
     """Joint values in rad or m, checked against the URDF's limits (to a thousandth of a radian)."""
-    _known(where, told, kinematics.moving, "a joint that moves")
+    check_known(where, told, kinematics.moving, "a joint that moves")
     values = {}
     for name, value in told.items():
         joint = kinematics.moving[name]
@@ -245,7 +245,7 @@ def _told(joint: Joint, value: float) -> float:
     return value if joint.kind == "prismatic" else math.degrees(value)
 
 
-def _known(where: str, names: Iterable[Any], known: Iterable[str], what: str) -> None:
+def check_known(where: str, names: Iterable[Any], known: Iterable[str], what: str) -> None:
     """InputError for the first name that is not known, with the nearest that is."""
     there = list(known)
     for name in names:

@@ -123,14 +123,32 @@ def pads_of(motion: Motion, config: HandConfig, preshape: PreshapeConfig) -> Pad
     if unknown := set(preshape.pads) - set(fingers):
         raise InputError(f"{motion.where}.pads: expected fingers that oppose, got {min(unknown)}")
     points = {f: _vector(point, f"{motion.where}.pads.{f}") for f, point in preshape.pads.items()}
-    if len(points) < len(fingers):
-        links = motion.kinematics.links(motion.meeting({n: motion.end(n, closed=False) for n in motion.closing}))
-        for index, group in enumerate(motion.groups):
-            others = [s for other, shapes in enumerate(motion.shape_groups) if other != index for s in shapes]
-            for finger in (finger for finger in group if finger not in points):
-                T = links[carriers[finger]]
-                points[finger] = T[:3, :3].T @ (closing_face(motion.shapes[finger], others, links) - T[:3, 3])
+    missing = [finger for finger in fingers if finger not in points]
+    if missing and preshape.tcp is not None and preshape.tcp.xyz:
+        links, at = motion.kinematics.links(motion.joints(motion.open())), _vector(preshape.tcp.xyz, "hand.tcp.xyz")
+        found = {finger: _nearest(motion, finger, carriers[finger], links, at) for finger in missing}
+    elif missing:
+        start = motion.open() if preshape.open else {n: motion.end(n, closed=False) for n in motion.closing}
+        links = motion.kinematics.links(motion.meeting(start))
+        found = {finger: _face(motion, finger, links) for finger in missing}
+    for finger in missing:
+        T = links[carriers[finger]]
+        points[finger] = T[:3, :3].T @ (found[finger] - T[:3, 3])
     return Pads(motion, carriers, {finger: points[finger] for finger in fingers})
+
+
+def _face(motion: Motion, finger: str, links: Mapping[str, np.ndarray]) -> np.ndarray:
+    """(3,) in the base frame: the middle of the finger's face that meets the opposing groups."""
+    others = [f for group in motion.groups if finger not in group for f in group]
+    return closing_face(motion.shapes[finger], [motion.shapes[other] for other in others], links)
+
+
+def _nearest(motion: Motion, finger: str, carrier: str, links: Mapping[str, np.ndarray], at: np.ndarray) -> np.ndarray:
+    """(3,) in the base frame: the point of the finger's first link, the tip, that is nearest to the TCP."""
+    body_of, shape = motion.kinematics.robot.bodies(), motion.shapes[finger]
+    on_tip = [link for link in shape.points if body_of[link] == body_of[carrier]] or list(shape.points)
+    points = np.concatenate([shape.points[link] @ links[link][:3, :3].T + links[link][:3, 3] for link in on_tip])
+    return np.asarray(points[np.linalg.norm(points - at, axis=1).argmin()])
 
 
 def _vector(values: object, where: str) -> np.ndarray:

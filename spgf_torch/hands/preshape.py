@@ -54,8 +54,8 @@ class Preshape:
         groups: of each opposing group of fingers the links whose bodies count as touching.
         touch: groups that must touch for a grasp to be held.
         pads: finger -> (3,) point of its closing face in the base frame, m.
-        opening: m between the pads of the two opposing sides; of more groups twice the distance of their pads from the
-            approach axis through the TCP, on average.
+        opening: m between the pads that the description asks for; else what is free between two opposing groups along
+            closing at the height of the TCP, or of more groups the diameter that is free about the approach axis.
         jaw: whether two fingers oppose each other, and nothing else closes.
         symmetry: so many turns about the approach make the same grasp.
         sampler: how candidates are drawn: surface_pairs or approach.

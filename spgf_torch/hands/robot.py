@@ -71,11 +71,12 @@ class Robot:
         path: the file that was given.
         root: the base link of the hand.
         xml: a URDF of the hand alone: from `root` on, nothing but links with their inertias and those collision shapes
-            that are boxes, cylinders and spheres, and joints without `<mimic>`.
+            that are no meshes, and joints without `<mimic>`.
         links, joints: in the order of the file; parents before children is not promised.
         collisions: all convex pieces, links in the order of the file, elements in the order of their link.
         passive: links that are posed but not simulated, and what is fixed to them.
-        digest: SHA-256 over `xml` and the mesh files.
+        digest: SHA-256 over `xml`, the pieces and the passive links; not over where the files lie.
+        notes: what was put right, a line each.
     """
 
     path: Path
@@ -86,6 +87,7 @@ class Robot:
     collisions: tuple[Collision, ...] = field(repr=False)
     passive: frozenset[str]
     digest: str
+    notes: tuple[str, ...] = ()
 
     def joint(self, name: str) -> Joint:
         return next(joint for joint in self.joints if joint.name == name)
