@@ -115,13 +115,13 @@ def closing_face(shape: FingerShape, others: Sequence[FingerShape], links: Mappi
     away = distances(points, others, links)
     face = points[away <= away.min() + SKIN]
     middle = (face.min(axis=0) + face.max(axis=0)) / 2
-    on_surface = _projected(middle, shape, links)
+    on_surface = projected(middle, shape, links)
     if np.linalg.norm(on_surface - middle) < SKIN:
         return on_surface
     return np.asarray(face[np.linalg.norm(face - middle, axis=1).argmin()])
 
 
-def _projected(point: np.ndarray, shape: FingerShape, links: Mapping[str, np.ndarray]) -> np.ndarray:
+def projected(point: np.ndarray, shape: FingerShape, links: Mapping[str, np.ndarray]) -> np.ndarray:
     """The point (3,), moved onto the nearest face of the piece that it is deepest in, or nearest to."""
     best, moved = np.inf, point
     for link, planes in shape.planes:

@@ -17,6 +17,7 @@ import numpy as np
 from spgf_torch.errors import InputError
 from spgf_torch.hands.config import ClosingConfig, HandConfig, PreshapeConfig, grasp_types
 from spgf_torch.hands.drives import closing_settings, drives_of
+from spgf_torch.hands.fingers import finger_shape
 from spgf_torch.hands.kinematics import Kinematics
 from spgf_torch.hands.motion import Motion, check_known, motion_of
 from spgf_torch.hands.pads import Pads, pads_of
@@ -81,7 +82,8 @@ def _hand(robot: Robot, config: HandConfig) -> Hand:
     approach = np.asarray(config.approach, dtype=np.float64)
     if approach.shape != (3,) or not np.linalg.norm(approach) > 0:
         raise InputError(f"hand.approach: expected three numbers, not all 0; got {config.approach}")
-    opened = [_opened(kinematics, config, name) for name in grasp_types(config)]
+    shapes = {finger: finger_shape(robot, finger, links) for finger, links in config.fingers.items()}
+    opened = [_opened(config, name, motion_of(kinematics, config, name, shapes)) for name in grasp_types(config)]
     closing = closing_settings(config, [(each.pads.motion, each.joints, each.closed) for each in opened])
     preshapes = {
         name: _preshape(each, config, closing, approach / np.linalg.norm(approach))
@@ -113,8 +115,8 @@ class _Opened:
     closed: dict[str, float]
 
 
-def _opened(kinematics: Kinematics, config: HandConfig, name: str) -> _Opened:
-    told, motion = config.preshapes[name], motion_of(kinematics, config, name)
+def _opened(config: HandConfig, name: str, motion: Motion) -> _Opened:
+    told = config.preshapes[name]
     pads = pads_of(motion, config, told)
     if told.opening is None:
         start = motion.open()

@@ -13,7 +13,7 @@ import numpy as np
 
 from spgf_torch.errors import InputError
 from spgf_torch.hands.config import HandConfig, PreshapeConfig
-from spgf_torch.hands.fingers import FingerShape, finger_shape, separation
+from spgf_torch.hands.fingers import FingerShape, separation
 from spgf_torch.hands.kinematics import Kinematics
 from spgf_torch.hands.robot import Follow, Joint
 
@@ -98,10 +98,12 @@ class Motion:
         return {name: before[name] + low * (after[name] - before[name]) for name in after}
 
 
-def motion_of(kinematics: Kinematics, config: HandConfig, name: str) -> Motion:
-    """The motion of the preshape `name`. Raises InputError for names that are not there, and values out of reach."""
+def motion_of(kinematics: Kinematics, config: HandConfig, name: str, shapes: dict[str, FingerShape]) -> Motion:
+    """The motion of the preshape `name` of a hand whose fingers have these shapes.
+
+    Raises InputError for names that are not there, and values out of reach.
+    """
     where, preshape = f"hand.preshapes.{name}", config.preshapes[name]
-    shapes = {finger: finger_shape(kinematics.robot, finger, links) for finger, links in config.fingers.items()}
     groups = _groups(where, preshape, tuple(config.fingers))
     held = _values(f"{where}.hold", preshape.hold, kinematics)
     given = _values(f"{where}.open", preshape.open, kinematics)

@@ -10,7 +10,7 @@ import numpy as np
 
 from spgf_torch.errors import InputError
 from spgf_torch.hands.config import HandConfig, PreshapeConfig
-from spgf_torch.hands.fingers import closing_face
+from spgf_torch.hands.fingers import closing_face, projected
 from spgf_torch.hands.motion import Motion
 
 TOUCHING = 1e-9  # m between pads that count as one point; what is left of an opening of 0 is rounding
@@ -131,6 +131,9 @@ def pads_of(motion: Motion, config: HandConfig, preshape: PreshapeConfig) -> Pad
         start = motion.open() if preshape.open else {n: motion.end(n, closed=False) for n in motion.closing}
         links = motion.kinematics.links(motion.meeting(start))
         found = {finger: _face(motion, finger, links) for finger in missing}
+        if len(missing) == len(fingers) == len(motion.groups) == 2:  # a jaw: one point for both, where they meet
+            middle = np.mean(list(found.values()), axis=0)
+            found = {finger: projected(middle, motion.shapes[finger], links) for finger in missing}
     for finger in missing:
         T = links[carriers[finger]]
         points[finger] = T[:3, :3].T @ (found[finger] - T[:3, 3])
