@@ -33,6 +33,7 @@ def run(config: JudgeConfig, folder: Path) -> None:
     from spgf_torch.judging.validation import executed_table
     from spgf_torch.objects.folders import read_objects
 
+    tried_hand(config.hand, config.episode)
     stages, cache = ProgressReporter(plan(config, config.trials is not None)), Cache.open(config.cache, config.cache_gb)
     found = read_objects(config, stages, cache)
     for note in found.notes:

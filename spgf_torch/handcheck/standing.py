@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import partial
 
+from spgf_torch.handcheck.check import checked_hand
 from spgf_torch.handcheck.closed import GAP
-from spgf_torch.handcheck.finding import Finding
+from spgf_torch.handcheck.finding import Finding, refuse
 from spgf_torch.handcheck.posed import Posed
+from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import Hand
 from spgf_torch.simulation.config import EpisodeConfig
 from spgf_torch.simulation.free_closing import FreeClosing, close_without_object
@@ -25,6 +27,16 @@ def simulated_findings(
         yield _stays(posed, closing)
         yield from _closes(posed, closing)
         advance(1)
+
+
+def tried_hand(config: HandConfig, episode: EpisodeConfig) -> Hand:
+    """The hand of a description, if it passes every check, those that close it in SAPIEN too.
+
+    Raises InputError, as `load_hand`, and for the first check that it does not pass.
+    """
+    hand = checked_hand(config)
+    refuse(hand.config.name, list(simulated_findings(hand, episode)))
+    return hand
 
 
 def _stays(posed: Posed, closing: FreeClosing) -> Finding:
