@@ -17,13 +17,25 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from spgf_torch.errors import InputError
     from spgf_torch.features.estimator import SPGF
+    from spgf_torch.hands.description_file import load_hand_file
     from spgf_torch.hands.records import Grasp
     from spgf_torch.predictor import Predictor
     from spgf_torch.prototypes.estimator import Prototypes
     from spgf_torch.scene.scene import Scene
     from spgf_torch.sensing.texlets import Texlets
 
-__all__ = ["SPGF", "Grasp", "InputError", "Predictor", "Prototypes", "Scene", "Texlets", "__version__", "load"]
+__all__ = [
+    "SPGF",
+    "Grasp",
+    "InputError",
+    "Predictor",
+    "Prototypes",
+    "Scene",
+    "Texlets",
+    "__version__",
+    "load",
+    "load_hand_file",
+]
 __version__ = "0.1.0"  # pyproject.toml reads it here
 
 # Where each name is; it is imported when it is asked for, since most of them need torch.
@@ -31,6 +43,7 @@ _HOMES = {
     "SPGF": "spgf_torch.features.estimator",
     "Grasp": "spgf_torch.hands.records",
     "InputError": "spgf_torch.errors",
+    "load_hand_file": "spgf_torch.hands.description_file",
     "Predictor": "spgf_torch.predictor",
     "Prototypes": "spgf_torch.prototypes.estimator",
     "Scene": "spgf_torch.scene.scene",

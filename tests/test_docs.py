@@ -8,7 +8,7 @@ import re
 import shlex
 import sys
 from collections.abc import Iterator
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ import spgf_torch
 from spgf_torch.__main__ import COMMANDS
 from spgf_torch.cli.command_line import _settings, translated
 from spgf_torch.errors import InputError
+from spgf_torch.hands.config import ClosingConfig, HandConfig, JointConfig, PreshapeConfig
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings, typed
@@ -161,6 +162,7 @@ def test_a_wrong_command_is_found(wrong: str, told: str) -> None:
 def check(command: str, kind: type, line: str) -> None:
     """Raise what the command would say to these arguments."""
     plain = re.sub(r"\$\([^)]*\)", "1/2", line)
+    plain = re.sub(r"hand=\S+\.yaml", f"hand={ROOT}/conf/hand/panda.yaml", plain)  # a reader's own
     arguments = shlex.split(plain, comments=True)[3:]
     sweep = "-m" in arguments
     overrides = translated(command, kind, [word for word in arguments if word not in ("-m", "--help")] + ["-m"] * sweep)
@@ -226,11 +228,14 @@ def test_every_key_of_a_command_is_on_its_page(command: str) -> None:
 
 
 def test_every_value_has_its_reason() -> None:
-    """In conf/, beside it or beside its mapping; files of +ablation= and +comparison= say theirs above."""
+    """In conf/, beside it or beside its mapping; files of +ablation= and +comparison= say theirs above.
+
+    Descriptions of hands say theirs where they differ from what follows from the URDF; docs/howto/hand.md has all keys.
+    """
     files = [*(ROOT / "conf").glob("*.yaml"), *(ROOT / "conf").glob("*/*.yaml")]
     without = []
     for path in files:
-        if path.parent.name not in ("ablation", "comparison"):
+        if path.parent.name not in ("ablation", "comparison", "hand"):
             keys = read_settings(path).keys
             told = {key.name for key in keys if key.reason}
             mappings = {key.name.rpartition(".")[0] for key in keys}
@@ -260,3 +265,21 @@ def test_tables_of_the_paper_come_from_a_report(tmp_path: Path) -> None:
     page = "x\n<!-- a.md -->\nold\n<!-- end -->\ny\n<!-- b.md -->\n<!-- end -->\nz"
     expected = "x\n<!-- a.md -->\n\n| new |\n\n<!-- end -->\ny\n<!-- b.md -->\n\n| b |\n\n<!-- end -->\nz"
     assert filled(page, tmp_path) == expected and filled(expected, tmp_path) == expected
+
+
+def test_every_key_of_a_hand_is_told() -> None:
+    """In the tables of docs/howto/hand.md: of a hand, of a joint and of closing, of a preshape."""
+    page = (ROOT / "docs/howto/hand.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"^\| `([\w.]+)`", page, re.MULTILINE))
+    joint = {f"joints.NAME.{entry.name}" for entry in fields(JointConfig)}
+    closing = {f"closing.{entry.name}" for entry in fields(ClosingConfig)}
+    whole = {entry.name for entry in fields(HandConfig)} - {"joints", "closing", "preshapes"} | {"preshapes.TYPE"}
+    assert told == joint | closing | whole | {entry.name for entry in fields(PreshapeConfig)}
+
+
+def test_every_check_of_a_hand_has_its_remedy() -> None:
+    page = (ROOT / "docs/howto/hand.md").read_text(encoding="utf-8")
+    sources = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "spgf_torch/handcheck").glob("*.py"))
+    checks = set(re.findall(r'check="([^"]+)"', sources))
+    rows = {name for row in re.findall(r"^\| ([^|`]+) \|", page, re.MULTILINE) for name in row.split(", ")}
+    assert len(checks) > 20 and checks <= rows, checks - rows

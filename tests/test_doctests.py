@@ -15,6 +15,7 @@ MODULES = (
     "spgf_torch.features.estimator",
     "spgf_torch.features.interface",
     "spgf_torch.geometry.se3",
+    "spgf_torch.hands.description_file",
     "spgf_torch.prototypes.estimator",
     "spgf_torch.scene.scene",
 )

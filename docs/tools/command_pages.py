@@ -136,8 +136,17 @@ def command_page(command: str) -> str:
         lines += [f"From `conf/{bare}/{name}.yaml`{_choices(bare, others)}.", ""]
         lines += [_as_text(part.about), ""] if part.about else []
         keys = [key for key in part.keys if key.name not in taken]
-        lines += [*_table(keys, "" if here else f"{bare}.", known), ""]
+        lines += [*_table([*keys, *_others(command, bare, part)], "" if here else f"{bare}.", known), ""]
     return "\n".join(lines)
+
+
+def _others(command: str, group: str, part: SettingsFile) -> list[Key]:
+    """Keys of a hand that this one does without: what each means is told once, for all hands."""
+    if group != "hand":
+        return []
+    there = {key.name.split(".")[0] for key in part.keys}
+    (hand,) = (kind for name, kind in get_type_hints(kind_of(command)).items() if name == group)
+    return [Key(entry.name, None, "docs/howto/hand.md") for entry in fields(hand) if entry.name not in there]
 
 
 def _choices(group: str, others: list[str]) -> str:

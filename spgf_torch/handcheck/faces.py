@@ -6,11 +6,15 @@ Two jaws that move towards each other need none of it: where they meet is measur
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from spgf_torch.errors import InputError
 from spgf_torch.handcheck.anatomy import Anatomy, Finger, unit
 from spgf_torch.handcheck.grouping import Grouping
-from spgf_torch.hands.fingers import SKIN, distances, finger_shape
+from spgf_torch.hands.fingers import SPACING, finger_shape
 
+FAR, AHEAD = 0.6, 0.4  # of a jaw's reach from its hinge: its outer part, and what of the palm lies beside that
+FACE = 0.004  # m from the nearest point within which a jaw's surface is its face: jaws meet at their ends first
 STEPS = 40  # of a jaw's way that are looked at
 TURNED = np.radians(60)  # of a single jaw's face against the palm's: what opens by more squeezes things out
 
@@ -34,31 +38,33 @@ def palmar_pad(anatomy: Anatomy, grouping: Grouping, finger: Finger) -> list[flo
 def jaw_pads(anatomy: Anatomy, grouping: Grouping, finger: Finger, palm: str) -> tuple[dict[str, list[float]], float]:
     """Pads of a jaw and of the palm that it closes on, each in its link's frame, and the joint's value there.
 
-    The hinge, where both are always close, is left out: the far half of the jaw counts.
+    The hinge, where both are always close, is left out: the outer part of the jaw counts.
     """
     joint = finger.closers[0]
     low, high = anatomy.span(joint)
     open_, closed = (low, high) if grouping.signs[joint] > 0 else (high, low)
     jaw = finger_shape(anatomy.robot, finger.name, list(finger.bodies))
     other = finger_shape(anatomy.robot, palm, [anatomy.palm])
-    best: tuple[float, float, np.ndarray, np.ndarray] | None = None
+    best = (np.inf, open_, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
     for value in np.linspace(open_, closed, STEPS):
         links = anatomy.at(0.5, {joint: value})
-        points = jaw.points_at(links)
-        away = np.linalg.norm(points - links[finger.chain[-1].child][:3, 3], axis=1)
-        far = points[away >= np.median(away)]
-        gaps = distances(far, [other], links)
-        if best is None or gaps.min() < best[0]:
-            best = float(gaps.min()), float(value), far, gaps
-        if best[0] <= 0:
+        hinge, points = links[finger.chain[-1].child][:3, 3], jaw.points_at(links)
+        away = np.linalg.norm(points - hinge, axis=1)
+        far, palm_points = points[away >= FAR * away.max()], other.points_at(links)
+        ahead = palm_points[(palm_points - hinge) @ anatomy.approach >= AHEAD * away.max()]
+        if len(ahead):
+            gaps = cKDTree(ahead).query(far)[0]
+            if gaps.min() < best[0]:
+                best = (float(gaps.min()), float(value), far, ahead, gaps)
+        if best[0] <= SPACING:
             break
-    assert best is not None
-    _, value, far, gaps = best
+    _, value, far, ahead, gaps = best
+    if not len(far):
+        raise InputError(f"{anatomy.robot.path}: expected a palm that reaches beside the jaw, got none; give pads")
     links = anatomy.at(0.5, {joint: value})
-    face = far[gaps <= gaps.min() + SKIN]
+    face = far[gaps <= gaps.min() + FACE]
     pad = face[np.linalg.norm(face - (face.min(axis=0) + face.max(axis=0)) / 2, axis=1).argmin()]
-    beside = other.points_at(links)
-    opposite = beside[np.linalg.norm(beside - pad, axis=1).argmin()]
+    opposite = ahead[np.linalg.norm(ahead - pad, axis=1).argmin()]
     return {
         finger.name: _local(links[finger.name], pad),
         palm: _local(links[anatomy.palm], opposite),

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from spgf_torch.errors import InputError
 from spgf_torch.files.reading import yaml_values
 from spgf_torch.hands.config import HandConfig
+from spgf_torch.paths import find
 from spgf_torch.settings import plain, typed
+
+if TYPE_CHECKING:
+    from spgf_torch.hands.hand import Hand
 
 WHAT = "a hand's description in YAML"
 DESCRIPTIONS, URDFS = (".yaml", ".yml"), (".urdf", ".xacro")
@@ -33,7 +37,7 @@ def read_description(path: str | Path) -> HandConfig:
 
     Raises InputError: no such file, not YAML, a key or value that a description has not.
     """
-    path = there(Path(path).expanduser())
+    path = there(find(path))
     if is_urdf(path.name):
         command = f"python -m spgf_torch.hand hand={path}"
         raise InputError(f"hand: expected {WHAT}, got the URDF {path}; {command} proposes one")
@@ -48,6 +52,25 @@ def read_description(path: str | Path) -> HandConfig:
     config.urdf = _from(path.parent, config.urdf)
     config.packages = {name: _from(path.parent, folder) for name, folder in config.packages.items()}
     return config
+
+
+def load_hand_file(path: str | Path) -> Hand:
+    """The hand of a description in a file, with the preshape of each of its grasp types.
+
+    Args:
+        path: relative to the working folder, else to the package: `conf/hand/panda.yaml` comes with it.
+
+    Raises:
+        InputError: no such file, not a description, or one of a hand that cannot be.
+
+    >>> import spgf_torch
+    >>> hand = spgf_torch.load_hand_file("conf/hand/panda.yaml")
+    >>> {name: preshape.opening for name, preshape in hand.preshapes.items()}
+    {'NPG': 0.04, 'WPG': 0.08}
+    """
+    from spgf_torch.hands.hand import load_hand  # which needs torch
+
+    return load_hand(read_description(path))
 
 
 def described(path: str | Path) -> dict[str, Any]:
