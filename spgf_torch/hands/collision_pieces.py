@@ -82,8 +82,10 @@ def _mesh_pieces(path: Path, where: str, shape: XML, packages: dict[str, str]) -
     vertices, faces = _arrays(file)
     vertices, faces = vertices * scale, faces[:, ::-1] if scale.prod() < 0.0 else faces
     used = vertices[faces.ravel()]
-    if not len(faces) or not np.isfinite(used).all():
-        raise InputError(f"{file}: expected a mesh with faces and finite vertices, got another")
+    if not len(faces):
+        raise InputError(f"{file}: expected a mesh with faces, got none")
+    if not np.isfinite(used).all():
+        raise InputError(f"{file}: expected finite vertices, got NaN or infinity")
     if (extent := float(np.ptp(used, axis=0).max())) > LARGEST:
         hint = '; scale="0.001 0.001 0.001" if it is in millimetres'
         raise InputError(f"{path}: {where}: expected a mesh of at most {LARGEST:g} m, {file} has {extent:.3g} m{hint}")
@@ -124,16 +126,21 @@ def pieces_of(vertices: bytes, faces: bytes) -> tuple[trimesh.Trimesh, ...]:
 
 
 def _merged(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
-    """One vertex a place; of a surface that is not closed, or inside out, faces that look to their more open side."""
+    """One vertex a place; each part of a surface that is not closed, or inside out, turned to its more open side."""
     mesh = trimesh.Trimesh(vertices, faces, process=True)
     a, b, c = mesh.faces.T
     mesh.update_faces((a != b) & (b != c) & (c != a))
     mesh.remove_unreferenced_vertices()
     if mesh.is_volume:  # closed, turning the same way round, outwards
         return mesh
-    front = open_share(mesh, mesh.triangles_center, mesh.face_normals)
-    turned = open_share(mesh, mesh.triangles_center, -mesh.face_normals) > front
-    return trimesh.Trimesh(mesh.vertices, np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces), process=False)
+    trimesh.repair.fix_winding(mesh)
+    sides = [open_share(mesh, mesh.triangles_center, sign * mesh.face_normals) for sign in (1, -1)]
+    behind = (sides[1] - sides[0]) * mesh.area_faces
+    turned = mesh.faces.copy()
+    for part in trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(turned))):
+        if behind[part].sum() > 0.0:
+            turned[part] = turned[part][:, ::-1]
+    return trimesh.Trimesh(mesh.vertices, turned, process=False)
 
 
 def _depth(mesh: trimesh.Trimesh, hull: trimesh.Trimesh) -> float:
