@@ -13,7 +13,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.extras import needed
 from spgf_torch.files.mesh_files import mesh_arrays
 from spgf_torch.files.reading import unreadable, xml_root
-from spgf_torch.geometry.convex_pieces import MAX_HULL_VERTICES, FewPieces, few_convex_pieces, open_share
+from spgf_torch.geometry.convex_pieces import MAX_HULL_VERTICES, FewPieces, convex_hull, few_convex_pieces, open_share
 from spgf_torch.hands.robot import Collision
 from spgf_torch.hands.urdf_files import mesh_file
 from spgf_torch.hands.urdf_numbers import XML, number, numbers, pose
@@ -118,8 +118,8 @@ def pieces_of(vertices: bytes, faces: bytes) -> tuple[trimesh.Trimesh, ...]:
     `geometry.few_convex_pieces`.
     """
     mesh = _merged(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, dtype=np.int64).reshape(-1, 3))
-    hull = _few_corners(mesh.vertices)
-    if _depth(mesh, hull) <= CUTTING.tolerance:
+    hull = _hull(mesh.vertices)
+    if hull is not None and _depth(mesh, hull) <= CUTTING.tolerance:
         return (hull,)
     pieces = few_convex_pieces(mesh, CUTTING)
     return tuple(trimesh.Trimesh(piece).convex_hull for piece in pieces)
@@ -150,10 +150,13 @@ def _depth(mesh: trimesh.Trimesh, hull: trimesh.Trimesh) -> float:
     return float(-np.max(above, axis=0).min())
 
 
-def _few_corners(points: np.ndarray) -> trimesh.Trimesh:
-    """The hull of `points` without those corners that stand out least, where PhysX could not take it."""
+def _hull(points: np.ndarray) -> trimesh.Trimesh | None:
+    """The hull of `points`, of as few corners as PhysX takes: those that stand out least are left out.
+
+    None where corners would be left out that stand out by more than the tolerance.
+    """
     corners, slack = points[ConvexHull(points).vertices], 1e-5
-    while len(corners) > MAX_HULL_VERTICES:
-        corners = points[ConvexHull(points, qhull_options=f"Qt W{slack:.9g}").vertices]
+    while len(corners) > MAX_HULL_VERTICES and slack <= CUTTING.tolerance:
+        corners = points[convex_hull(points, slack).vertices]
         slack *= 1.5
-    return trimesh.Trimesh(corners).convex_hull
+    return trimesh.Trimesh(corners).convex_hull if len(corners) <= MAX_HULL_VERTICES else None

@@ -82,6 +82,8 @@ def test_a_hand_at_the_end_of_an_arm(tmp_path: Path) -> None:
     robot = read(tmp_path, *arm, *JAW, root="palm")
     assert robot.links == ("palm", "left", "right") and "wrist" not in robot.xml
     assert robot.digest == read(tmp_path, *JAW).digest
+    odd = (link("floor", ""), joint("f", "floor", "base", kind="floating"))  # above the hand anything goes
+    assert read(tmp_path, *odd, *arm, *JAW, root="palm").digest == robot.digest
     refused(tmp_path, r"^hand.root: expected a link of .*hand.urdf, got plam; did you mean palm\?$", *JAW, root="plam")
 
 

@@ -114,11 +114,14 @@ def test_a_screw_hole_in_a_pad_is_filled(tmp_path: Path) -> None:
     assert len(pieces) == 1 and within(pieces, np.zeros((1, 3)))[0] > 0.003
 
 
-def test_a_fine_convex_mesh_is_one_piece_that_physx_takes(tmp_path: Path) -> None:
-    trimesh.creation.icosphere(subdivisions=4, radius=0.03).export(tmp_path / "ball.stl")  # 2562 corners
-    (piece,) = read(tmp_path, '<mesh filename="ball.stl"/>').collisions
-    assert len(piece.mesh.faces) <= 255
-    assert np.linalg.norm(piece.mesh.triangles_center, axis=1).min() > 0.0285
+@pytest.mark.parametrize(("radius", "most"), [(0.012, 1), (0.03, 16)])
+def test_a_fine_ball_is_of_pieces_that_physx_takes(tmp_path: Path, radius: float, most: int) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=radius)  # 2562 corners
+    ball.export(tmp_path / "ball.stl")
+    pieces = read(tmp_path, '<mesh filename="ball.stl"/>').collisions
+    assert len(pieces) <= most and all(len(piece.mesh.faces) <= 255 for piece in pieces)
+    depth = within(pieces, ball.triangles_center)
+    assert depth.min() > -1.5e-3 and depth.max() < 1e-6 and depth.mean() > -4e-4
 
 
 def test_shapes_that_cannot_be_are_refused(tmp_path: Path) -> None:
