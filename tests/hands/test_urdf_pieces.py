@@ -114,6 +114,14 @@ def test_a_screw_hole_in_a_pad_is_filled(tmp_path: Path) -> None:
     assert len(pieces) == 1 and within(pieces, np.zeros((1, 3)))[0] > 0.003
 
 
+def test_a_hollow_body_is_as_a_solid_one(tmp_path: Path) -> None:
+    inside = trimesh.creation.box((0.03, 0.02, 0.01))
+    inside.invert()
+    trimesh.util.concatenate(trimesh.creation.box((0.034, 0.024, 0.014)), inside).export(tmp_path / "case.stl")
+    (piece,) = read(tmp_path, '<mesh filename="case.stl"/>').collisions
+    assert np.allclose(piece.mesh.extents, [0.034, 0.024, 0.014])
+
+
 @pytest.mark.parametrize(("radius", "most"), [(0.012, 1), (0.03, 16)])
 def test_a_fine_ball_is_of_pieces_that_physx_takes(tmp_path: Path, radius: float, most: int) -> None:
     ball = trimesh.creation.icosphere(subdivisions=4, radius=radius)  # 2562 corners
