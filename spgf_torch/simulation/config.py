@@ -41,6 +41,7 @@ class EpisodeConfig:
     damping: float = bounded(0.0, 100.0)
     stall_window: float = bounded(0.002, 1.0)
     stall_motion: float = bounded(0.0, 0.1)
+    stall_share: float = bounded(0.0, 0.9)
     settle_time: float = bounded(0.0, 10.0)
     hold_time: float = bounded(0.0, 10.0)
     hold_acceleration: float = bounded(0.0, 100.0)
