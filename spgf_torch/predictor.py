@@ -188,10 +188,10 @@ class Predictor:
     def grasps(self, proposals: Proposals, top: int) -> list[Grasp]:
         """The best of the proposals, with everything that a robot needs."""
         kept = sorted({i for indices in proposals.best(top).values() for i in indices.tolist()})
-        grasp_types, found = list(self.grippers), []
+        found = []
         for i in kept:
             grasp = make_grasp(
-                self.grippers[grasp_types[int(proposals.grasp_type[i])]],
+                self.grippers[proposals.grasp_types[int(proposals.grasp_type[i])]],
                 proposals.T_object_tcp[i].cpu().numpy(),
                 float(proposals.probability[i]),
                 int(proposals.support[i]),

@@ -15,8 +15,9 @@ from spgf_torch.hands.config import HandConfig
 from spgf_torch.paths import find
 from spgf_torch.predictor import block
 from spgf_torch.proposing.clearance import Clearance, Plane, Surroundings
+from spgf_torch.proposing.closing_region import closing_region
 from spgf_torch.proposing.config import HypothesesConfig
-from spgf_torch.proposing.hand_geometry import HandGeometry, closing_region
+from spgf_torch.proposing.hand_geometry import HandGeometry
 from spgf_torch.proposing.hypotheses import Search, frames, local, places, profile
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.settings import settings, typed
