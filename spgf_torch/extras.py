@@ -19,6 +19,8 @@ PACKAGES = {
     "open3d": ("Open3D", "baselines"),
     "tensorboard": ("TensorBoard", "baselines"),
     "distributed": ("Dask", "cluster"),
+    "xacrodoc": ("xacrodoc", "hands"),
+    "collada": ("pycollada", "hands"),
 }
 
 

@@ -29,14 +29,14 @@ from spgf_torch.paths import root
 T = TypeVar("T")
 
 
-def bounded(low: float, high: float) -> Any:
-    """A required number within [low, high]."""
-    return field(default=MISSING, metadata={"range": (low, high)})
+def bounded(low: float, high: float, default: Any = MISSING) -> Any:
+    """A number within [low, high], required unless there is a default."""
+    return field(default=default, metadata={"range": (low, high)})
 
 
-def choice(*options: str) -> Any:
-    """A required word, one of `options`."""
-    return field(default=MISSING, metadata={"choice": options})
+def choice(*options: str, default: Any = MISSING) -> Any:
+    """A word, one of `options`, required unless there is a default."""
+    return field(default=default, metadata={"choice": options})
 
 
 def text(default: Any = MISSING) -> Any:
@@ -102,8 +102,9 @@ def typed(kind: type[T], values: Any) -> T:
     """
     try:
         _check_literal(values, "")
-        merged = OmegaConf.merge(OmegaConf.structured(kind), OmegaConf.create(_plain(values)))
-        _given(kind, _plain(values), "")
+        given = _named(_plain(values))
+        merged = OmegaConf.merge(OmegaConf.structured(kind), OmegaConf.create(given))
+        _given(kind, given, "")
         result = OmegaConf.to_object(merged)
     except MissingMandatoryValue as error:
         raise InputError(f"{error.full_key or error.key}: expected a value, got none") from None
@@ -130,6 +131,13 @@ def _python(value: Any) -> Any:
 
 def _plain(values: Any) -> Any:
     return OmegaConf.to_container(values, resolve=True) if OmegaConf.is_config(values) else values
+
+
+def _named(value: Any) -> Any:
+    """The same with whole numbers as keys made text: some hands call their joints 0, 1, 2."""
+    if isinstance(value, dict):
+        return {str(key) if isinstance(key, int) else key: _named(part) for key, part in value.items()}
+    return [_named(part) for part in value] if isinstance(value, list) else value
 
 
 # OmegaConf's words in ours.
@@ -172,6 +180,10 @@ def _check(config: Any, prefix: str) -> None:
         value, name = getattr(config, entry.name), prefix + entry.name
         if is_dataclass(value):
             _check(value, name + ".")
+        elif isinstance(value, dict):
+            for key, part in value.items():
+                if is_dataclass(part):
+                    _check(part, f"{name}.{key}.")
         elif "range" in entry.metadata:
             low, high = entry.metadata["range"]
             if value is not None and not low <= value <= high:

@@ -49,6 +49,8 @@ def gripper(kind: str = "WPG") -> Gripper:
         width=width,
         depth=0.015,
         height=0.02,
+        jaw=True,
+        symmetry=2,
         shapes=tuple(sides),
     )
 

@@ -106,20 +106,19 @@ def parallel_jaw() -> str:
 
 
 def jaw_settings(urdf: str) -> dict:
-    """Settings of the parallel jaw: N/m and N where a revolute hand has Nm/rad and Nm."""
-    fingers = [{"pad_link": n, "pad": [0, 0, 0.04], "proximal": f"{n}_joint", "distal": ""} for n in ("left", "right")]
+    """Description of the parallel jaw: N/m and N where a revolute hand has Nm/rad and Nm."""
+    fingers = ("left", "right")
+    pinch = {
+        "close": {f"{n}_joint": -1 for n in fingers},
+        "pads": {n: [0, 0, 0.04] for n in fingers},
+        "symmetry": 2,
+    }
     return {
         "name": "jaw",
         "urdf": urdf,
-        "base_link": "palm",
-        "fingers": fingers,
-        "openings": {"NPG": 0.045, "WPG": 0.095},
-        "closing_torque": 20,
-        "closing_speed": 0.1,
-        "proximal_stiffness": 2000,
-        "proximal_damping": 60,
-        "proximal_limit": 70,
-        "distal_stiffness": 0,
-        "distal_damping": 0,
-        "distal_limit": 0,
+        "root": "palm",
+        "joints": {f"{n}_joint": {"effort": 70, "stiffness": 2000, "damping": 60} for n in fingers},
+        "fingers": {n: [n] for n in fingers},
+        "preshapes": {"NPG": {"opening": 0.045, **pinch}, "WPG": {"opening": 0.095, **pinch}},
+        "closing": {"effort": 20, "speed": 0.1, "time": 0.9},
     }

@@ -1,263 +1,203 @@
-"""The hand: one URDF, read by pytorch-kinematics in this module and by SAPIEN in `episode`.
+"""The hand: a URDF and a description, made into one preshape for each grasp type.
 
-Frames: `base` is the palm (z out of it), `tcp` lies midway between the pads (+z approach, +x closing from the first
-pad to the second). Everything about a hand follows from its URDF and `conf/hand/*.yaml`; there is no code for one hand.
-How to add one stands at the head of `conf/hand/panda.yaml`.
+Frames: `base` is the root link, with the axes of its URDF; `tcp` lies between the pads, +z along the approach, +x
+closing. Everything about a hand follows from its URDF and its description (docs/howto/hand.md); there is no code for
+one hand.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import math
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import trimesh
-from scipy.spatial import QhullError
 
-from spgf_torch.deferred_imports import deferred
 from spgf_torch.errors import InputError
-from spgf_torch.files.mesh_files import mesh_arrays
-from spgf_torch.files.reading import LARGEST_XML, unreadable, xml_root
-from spgf_torch.hands.config import GRASP_TYPES, FingerConfig, HandConfig
-from spgf_torch.paths import find
+from spgf_torch.hands.config import ClosingConfig, HandConfig, PreshapeConfig, grasp_types
+from spgf_torch.hands.drives import closing_settings, drives_of
+from spgf_torch.hands.fingers import finger_shape
+from spgf_torch.hands.kinematics import Kinematics
+from spgf_torch.hands.motion import Motion, check_known, motion_of
+from spgf_torch.hands.pads import Pads, pads_of
+from spgf_torch.hands.preshape import Closing, Preshape
+from spgf_torch.hands.robot import Robot
+from spgf_torch.hands.urdf import read_robot
 from spgf_torch.settings import plain, typed
 
-TURN, WIDEST = 360.0, 1.0  # degrees of a joint, metres between fingers
-TOUCHING = 1e-9  # m between pads that count as one point; what is left of an opening of 0 is rounding
+PAD = 0.01  # m, half a fingertip's width: what of a finger is level with the TCP
 
-
-@dataclass(frozen=True)
-class Preshape:
-    """The open hand before a grasp of one type.
-
-    Attributes:
-        joints: rad or m, every joint of the hand.
-        T_base_tcp: (4, 4) float64.
-        T_base_link: link name -> (4, 4) float64.
-        shapes: collision shapes of the open hand, closed meshes in the TCP frame, m.
-    """
-
-    joints: dict[str, float]
-    T_base_tcp: np.ndarray
-    T_base_link: dict[str, np.ndarray]
-    shapes: tuple[trimesh.Trimesh, ...]
+__all__ = ["Hand", "closing_poses", "load_hand"]
 
 
 @dataclass(frozen=True)
 class Hand:
-    """A hand with the preshape of every grasp type; picklable, so that workers need no kinematics.
+    """A hand with the preshape of every grasp type; picklable, so that workers need neither kinematics nor files.
 
     Attributes:
-        config: roles of the joints, drives.
-        urdf: path of the URDF.
-        fixed: joint -> rad held throughout.
-        closing: +1 where a growing proximal joint value closes the pads, else -1.
-        preshapes: grasp type -> Preshape.
-        digest: SHA-256 over the URDF's bytes, the settings, and the mesh files of collision shapes, if there are any.
+        config: its description. robot: what its URDF says.
+        preshapes: grasp type -> Preshape, sorted by name.
+        digest: SHA-256 over the URDF, its meshes and the description, wherever the files lie.
     """
 
     config: HandConfig
-    urdf: Path
-    fixed: dict[str, float]
-    closing: float
+    robot: Robot = field(repr=False)
     preshapes: dict[str, Preshape] = field(repr=False)
     digest: str
 
+    @property
+    def base_link(self) -> str:
+        """The URDF's link of frame base."""
+        return self.robot.root
+
+    @property
+    def urdf(self) -> Path:
+        return self.robot.path
+
 
 def load_hand(config: HandConfig) -> Hand:
-    """The hand of `config`, its preshapes computed from the wanted openings; cached by content.
+    """The hand of a description; cached by content.
 
-    Raises InputError for a missing or unreadable URDF, a link or joint that it lacks, an opening out of reach.
+    Raises InputError for a missing or unreadable URDF, a link or joint that it lacks, a value out of reach.
     """
-    path = find(config.urdf).resolve()  # workers may stand in another folder
-    if not path.is_file():
-        raise InputError(f"hand.urdf: expected a URDF file, got {config.urdf}")
-    if (size := path.stat().st_size) > LARGEST_XML:
-        raise InputError(f"{path}: expected a URDF of a hand of at most {LARGEST_XML} bytes, got {size}")
-    for name, angle in config.fixed_deg.items():
-        if not abs(angle) <= TURN:
-            raise InputError(f"hand.fixed_deg.{name}: expected degrees from -{TURN:g} to {TURN:g}, got {angle:g}")
-    for name, opening in config.openings.items():
-        if not 0 <= opening <= WIDEST:
-            raise InputError(f"hand.openings.{name}: expected metres from 0 to {WIDEST:g}, got {opening:g}")
-    return _load(path, path.read_bytes(), json.dumps(plain(config), sort_keys=True))
+    robot, settings = read_robot(config), json.dumps(plain(config), sort_keys=True)
+    key = (robot.digest, str(robot.path), settings)
+    if key not in _HANDS:
+        if len(_HANDS) >= MOST_HANDS:
+            _HANDS.pop(next(iter(_HANDS)))
+        _HANDS[key] = _hand(robot, typed(HandConfig, json.loads(settings)))
+    return _HANDS[key]
 
 
-@lru_cache(maxsize=8)
-def _load(path: Path, urdf: bytes, settings: str) -> Hand:
-    config = typed(HandConfig, json.loads(settings))
-    kinematics = Kinematics(path, urdf, config)
-    return Hand(
-        config=config,
-        urdf=path,
-        fixed=kinematics.fixed,
-        closing=kinematics.closing,
-        preshapes={name: kinematics.preshape(opening) for name, opening in config.openings.items()},
-        digest=hashlib.sha256(urdf + settings.encode() + kinematics.meshes()).hexdigest(),
+MOST_HANDS = 16  # kept of those that were loaded
+_HANDS: dict[tuple[str, str, str], Hand] = {}
+
+
+def _hand(robot: Robot, config: HandConfig) -> Hand:
+    if not config.preshapes:
+        raise InputError("hand.preshapes: expected one or more, got none")
+    config = _with_known_names(robot, config)
+    kinematics = Kinematics(robot)
+    approach = np.asarray(config.approach, dtype=np.float64)
+    if approach.shape != (3,) or not np.linalg.norm(approach) > 0:
+        raise InputError(f"hand.approach: expected three numbers, not all 0; got {config.approach}")
+    shapes = {finger: finger_shape(robot, finger, links) for finger, links in config.fingers.items()}
+    opened = [_opened(config, name, motion_of(kinematics, config, name, shapes)) for name in grasp_types(config)]
+    closing = closing_settings(config, [(each.pads.motion, each.joints, each.closed) for each in opened])
+    preshapes = {
+        name: _preshape(each, config, closing, approach / np.linalg.norm(approach))
+        for name, each in zip(grasp_types(config), opened, strict=True)
+    }
+    told = {key: value for key, value in plain(config).items() if key not in ("urdf", "packages")}
+    digest = hashlib.sha256((robot.digest + json.dumps(told, sort_keys=True)).encode()).hexdigest()
+    return Hand(config, robot, preshapes, digest)
+
+
+def _with_known_names(robot: Robot, config: HandConfig) -> HandConfig:
+    """The same with each finger a list of links. Raises InputError for links and joints that the URDF has not."""
+    fingers = {name: [links] if isinstance(links, str) else links for name, links in config.fingers.items()}
+    for name, links in fingers.items():
+        if not isinstance(links, list) or not links:
+            raise InputError(f"hand.fingers.{name}: expected a list of links, got {links!r:.40}")
+        check_known(f"hand.fingers.{name}", links, robot.links, "a link")
+    check_known("hand.joints", config.joints, (j.name for j in robot.joints if j.moves), "a joint that moves")
+    return replace(config, fingers=fingers)
+
+
+@dataclass(frozen=True)
+class _Opened:
+    """One preshape: its settings, its pads, and all joint values (rad or m) open and with the fingers meeting."""
+
+    told: PreshapeConfig
+    pads: Pads
+    joints: dict[str, float]
+    closed: dict[str, float]
+
+
+def _opened(config: HandConfig, name: str, motion: Motion) -> _Opened:
+    told = config.preshapes[name]
+    pads = pads_of(motion, config, told)
+    if told.opening is None:
+        start = motion.open()
+        return _Opened(told, pads, motion.joints(start), motion.meeting(start))
+    if told.open:
+        raise InputError(f"{motion.where}: expected opening or open, got both")
+    if len(motion.groups) != 2:
+        raise InputError(f"{motion.where}.opening: expected two opposing groups, got {len(motion.groups)}; say open")
+    return _Opened(told, pads, pads.solve(told.opening), pads.closed())
+
+
+def _preshape(opened: _Opened, config: HandConfig, closing: ClosingConfig, approach: np.ndarray) -> Preshape:
+    told, pads, joints, motion = opened.told, opened.pads, opened.joints, opened.pads.motion
+    links = motion.kinematics.links(joints)
+    T_base_tcp = pads.tcp(told, approach, links)
+    T_tcp_base = np.linalg.inv(T_base_tcp)
+    collisions = motion.kinematics.robot.collisions
+    jaw = len(motion.groups) == 2 and all(len(group) == 1 for group in motion.groups)
+    assert closing.effort and closing.speed and closing.time
+    return Preshape(
+        joints=joints,
+        closed=opened.closed,
+        T_base_tcp=T_base_tcp,
+        T_base_link=links,
+        shapes=tuple(c.mesh.copy().apply_transform(T_tcp_base @ links[c.link] @ c.T_link_shape) for c in collisions),
+        shape_links=tuple(c.link for c in collisions),
+        drives=drives_of(config, motion, closing),
+        held=frozenset(motion.held),
+        closing=Closing(motion.phases, motion.follow, closing.effort, closing.speed, closing.time),
+        groups=tuple(tuple(link for finger in group for link in config.fingers[finger]) for group in motion.groups),
+        touch=told.touch or len(motion.groups),
+        pads=pads.at(links),
+        opening=_opening(told, motion, links, T_base_tcp),
+        jaw=jaw,
+        symmetry=told.symmetry or (2 if jaw and _both_move(motion, config) else 1),
+        sampler=told.sampler,
     )
 
 
-class Kinematics:
-    """Forward kinematics of a hand (pytorch-kinematics) and what follows from it."""
-
-    def __init__(self, path: Path, urdf: bytes, config: HandConfig) -> None:
-        import torch
-
-        with deferred("matplotlib", "pyplot", "cm"):  # a second of import, for plots of inverse kinematics
-            import pytorch_kinematics as pk
-
-        xml_root(urdf, path, "a URDF of a hand")
-        try:
-            self.chain = pk.build_chain_from_urdf(urdf).to(dtype=torch.float64)
-            self.robot = pk.urdf.URDF.from_xml_string(urdf)
-            self.root = self.robot.get_root()
-        except Exception as error:  # the parser raises whatever its XML library does
-            raise unreadable(path, "a URDF of a hand", error) from None
-        self.path, self.config = path, config
-        self.fixed = {name: math.radians(angle) for name, angle in config.fixed_deg.items()}
-        self._check_names()
-        self.limits = self._common_limits()
-        gaps = [np.diff(self.pads(self.links(self.joints(value))), axis=0)[0] for value in self.limits]
-        widest = max(gaps, key=lambda gap: float(np.linalg.norm(gap)))
-        self.axis = widest / np.linalg.norm(widest)
-        self.closing = 1.0 if self.opening(self.limits[1]) < self.opening(self.limits[0]) else -1.0
-
-    def _check_names(self) -> None:
-        joints, links = set(self.chain.get_joint_parameter_names()), set(self.chain.get_link_names())
-        fingers = self.config.fingers
-        if len(fingers) != 2 or any(len(finger.pad) != 3 for finger in fingers):
-            raise InputError("hand.fingers: expected two fingers, each with a pad of three coordinates")
-        if absent := set(GRASP_TYPES) - set(self.config.openings):
-            raise InputError(f"hand.openings: expected one for {min(absent)}, got none")
-        wanted = {finger.pad_link for finger in fingers}
-        named = set(self.fixed) | {name for finger in fingers for name in (finger.proximal, finger.distal) if name}
-        if self.config.base_link != self.root:
-            got = self.config.base_link
-            raise InputError(f"hand.base_link: expected {self.root}, the root of {self.path}; got {got}")
-        for kind, missing in (("link", wanted - links), ("joint", named - joints)):
-            if missing:
-                raise InputError(f"{self.path}: expected a {kind} named {min(missing)}, got none")
-        if sliding := {joint.name for joint in self.robot.joints if joint.type == "prismatic"} & set(self.fixed):
-            raise InputError(f"hand.fixed_deg: expected joints that turn, got {min(sliding)}, which is prismatic")
-
-    def _common_limits(self) -> tuple[float, float]:
-        joints = {joint.name: joint.limit for joint in self.robot.joints}
-        limits = [joints[finger.proximal] for finger in self.config.fingers]
-        if None in limits:
-            raise InputError(f"{self.path}: expected limits of the joints that close the fingers, got none")
-        low, high = max(limit.lower for limit in limits), min(limit.upper for limit in limits)
-        if not low < high:  # as when one joint closes with a growing value and the other with a falling one
-            raise InputError(f"{self.path}: expected limits that both closing joints share, got {low:g} to {high:g}")
-        return low, high
-
-    def joints(self, proximal: float) -> dict[str, float]:
-        """All joint values with both fingers at `proximal`, distal joints turned against them (pads parallel)."""
-        values = dict.fromkeys(self.chain.get_joint_parameter_names(), 0.0) | self.fixed
-        for finger in self.config.fingers:
-            values[finger.proximal] = proximal
-            if finger.distal:
-                values[finger.distal] = -proximal
-        return values
-
-    def links(self, joints: dict[str, float]) -> dict[str, np.ndarray]:
-        """Link name -> T_base_link (4, 4)."""
-        import torch
-
-        values = [[joints[name] for name in self.chain.get_joint_parameter_names()]]  # its order, not SAPIEN's
-        poses = self.chain.forward_kinematics(torch.tensor(values, dtype=torch.float64))
-        return {name: pose.get_matrix()[0].numpy() for name, pose in poses.items()}
-
-    def pads(self, links: dict[str, np.ndarray]) -> np.ndarray:
-        """(2, 3) pad points in the base frame."""
-        return np.stack([_pad(links, finger) for finger in self.config.fingers])
-
-    def opening(self, proximal: float) -> float:
-        """Distance between the pads along the closing axis; negative once they have passed each other."""
-        first, second = self.pads(self.links(self.joints(proximal)))
-        return float((second - first) @ self.axis)
-
-    def preshape(self, opening: float) -> Preshape:
-        """The hand with its pads `opening` metres apart."""
-        low, high = sorted(self.opening(value) for value in self.limits)
-        if not low <= opening <= high:
-            raise InputError(f"hand.openings: expected {max(low, 0):.3f} to {high:.3f} m, got {opening}")
-        from scipy.optimize import brentq  # half a second to import
-
-        joints = self.joints(float(brentq(lambda value: self.opening(value) - opening, *self.limits, xtol=1e-12)))
-        links = self.links(joints)
-        T_base_tcp = self._tcp(links)
-        T_tcp_base = np.linalg.inv(T_base_tcp)
-        shapes = [
-            _shape(self.path, collision).apply_transform(T_tcp_base @ links[link.name] @ _origin(collision.origin))
-            for link in self.robot.links
-            for collision in link.collisions
-        ]
-        return Preshape(joints, T_base_tcp, links, tuple(shapes))
-
-    def meshes(self) -> bytes:
-        """The files of collision shapes, which stand beside the URDF."""
-        shapes = [collision.geometry for link in self.robot.links for collision in link.collisions]
-        names = sorted({shape.filename for shape in shapes if hasattr(shape, "filename")})
-        return b"".join(_beside(self.path, name).read_bytes() for name in names)
-
-    def _tcp(self, links: dict[str, np.ndarray]) -> np.ndarray:
-        first, second = self.pads(links)
-        z = np.array([0.0, 0.0, 1.0])
-        x = second - first
-        if np.linalg.norm(x) < TOUCHING:
-            x = self.axis  # pads that touch define no direction; this is the one they came from
-        x = x - (x @ z) * z
-        x /= np.linalg.norm(x)
-        T = np.eye(4)
-        T[:3] = np.column_stack([x, np.cross(z, x), z, (first + second) / 2])
-        return T
+def _opening(told: PreshapeConfig, motion: Motion, links: dict[str, np.ndarray], T_base_tcp: np.ndarray) -> float:
+    """m that are free between opposing groups (`Preshape.opening`), `PAD` about the height of the TCP."""
+    if told.opening is not None:
+        return told.opening
+    T_tcp_base = np.linalg.inv(T_base_tcp)
+    sides = []
+    for group in motion.shape_groups:
+        points = np.concatenate([shape.points_at(links) for shape in group]) @ T_tcp_base[:3, :3].T + T_tcp_base[:3, 3]
+        level = np.abs(points[:, 2]) <= PAD
+        sides.append(points[level] if level.any() else points)
+    if len(sides) == 2:
+        low, high = sorted(sides, key=lambda points: float(points[:, 0].mean()))
+        return max(float(high[:, 0].min() - low[:, 0].max()), 0.0)
+    return 2 * float(min(np.linalg.norm(points[:, :2], axis=1).min() for points in sides))
 
 
-def _pad(links: dict[str, np.ndarray], finger: FingerConfig) -> np.ndarray:
-    T = links[finger.pad_link]
-    return T[:3, :3] @ np.asarray(finger.pad) + T[:3, 3]
+def _both_move(motion: Motion, config: HandConfig) -> bool:
+    """Whether both fingers of a jaw close: else a hand that is turned by half a turn is another one."""
+    moving = motion.closing.keys() | motion.follow.keys()
+    parent = {joint.child: joint for joint in motion.kinematics.robot.joints}
+
+    def moves(link: str) -> bool:
+        while link in parent:
+            if parent[link].name in moving:
+                return True
+            link = parent[link].parent
+        return False
+
+    return all(moves(config.fingers[finger][0]) for group in motion.groups for finger in group)
 
 
-def _origin(origin: Any) -> np.ndarray:
-    if origin is None:
-        return np.eye(4)
-    T = trimesh.transformations.euler_matrix(*(origin.rpy or (0, 0, 0)))
-    T[:3, 3] = origin.xyz or (0, 0, 0)
-    return T
+def closing_poses(hand: Hand, grasp_type: str, fractions: np.ndarray) -> np.ndarray:
+    """How far the shapes of an open hand have moved at fractions (F,) of the way to `closed`: 0 open, 1 closed.
 
-
-def _shape(urdf: Path, collision: Any) -> trimesh.Trimesh:
-    """A collision element as a closed convex mesh in its own frame, as SAPIEN sees it."""
-    mesh = _solid(urdf, collision)
-    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
-        raise InputError(f"{urdf}: expected collision shapes of finite size, got another")
-    return mesh
-
-
-def _solid(urdf: Path, collision: Any) -> trimesh.Trimesh:
-    geometry = collision.geometry
-    if hasattr(geometry, "size"):
-        return trimesh.creation.box(geometry.size)
-    if hasattr(geometry, "length"):
-        return trimesh.creation.cylinder(geometry.radius, geometry.length)
-    if hasattr(geometry, "radius"):
-        return trimesh.creation.icosphere(radius=geometry.radius)
-    path = _beside(urdf, geometry.filename)
-    vertices, _ = mesh_arrays(path)
-    try:
-        return trimesh.Trimesh(vertices).apply_scale(geometry.scale or 1.0).convex_hull
-    except (ValueError, QhullError) as error:  # flat, or not finite
-        raise unreadable(path, "a mesh with a convex hull", error) from None
-
-
-def _beside(urdf: Path, name: str) -> Path:
-    """The mesh file that a URDF names: in its folder or below."""
-    path = Path(name)
-    if path.is_absolute() or ".." in path.parts or not (urdf.parent / path).is_file():
-        raise InputError(f"{urdf}: expected the collision mesh {name} beside it, got none")
-    return urdf.parent / path
+    Returns (F, shapes, 4, 4) float64 displacements in the TCP frame, of `Preshape.shapes` as they stand there.
+    """
+    preshape = hand.preshapes[grasp_type]
+    kinematics, start, end = Kinematics(hand.robot), preshape.joints, preshape.closed
+    path = [{name: start[name] + float(f) * (end[name] - start[name]) for name in start} for f in fractions]
+    links, T_tcp_base = kinematics.along(path), np.linalg.inv(preshape.T_base_tcp)
+    moved = [
+        T_tcp_base @ links[link] @ np.linalg.inv(T_tcp_base @ preshape.T_base_link[link])
+        for link in preshape.shape_links
+    ]
+    return np.stack(moved, axis=1)

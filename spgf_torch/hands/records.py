@@ -11,8 +11,7 @@ import trimesh
 
 from spgf_torch.errors import InputError
 from spgf_torch.files.checks import number, rigid, whole
-from spgf_torch.files.reading import xml_root
-from spgf_torch.hands.hand import Hand, Kinematics
+from spgf_torch.hands.hand import Hand
 
 if TYPE_CHECKING:
     from spgf_torch.proposing.judge_influences import Numbers
@@ -28,11 +27,14 @@ class Gripper:
         name: hand and type, such as `sdh2_WPG`. type: the grasp type. base_link: the URDF's link of frame base.
         T_base_tcp: (4, 4) float64, of the open hand.
         joints: rad or m, every joint of the open hand.
-        closed: the same with the pads meeting, or as near as the limits let them. It is what to close towards with
+        closed: the same with the fingers meeting, or as near as the limits let them. It is what to close towards with
             bounded force, not where the fingers end: that depends on the thickness of what lies between them.
         active: joints that are driven by themselves (no mimic joints).
-        width: m between the pads. depth: m that the fingers reach beyond the TCP along the approach.
+        width: m between opposing pads (`Preshape.opening`).
+        depth: m that the fingers reach beyond the TCP along the approach.
         height: m, extent of the fingertips across closing and approach.
+        jaw: whether two fingers oppose each other, and nothing else closes: what formats of parallel jaws can say.
+        symmetry: so many turns about the approach make the same grasp.
         shapes: the open hand's collision shapes, closed meshes in the tcp frame, m.
     """
 
@@ -46,6 +48,8 @@ class Gripper:
     width: float
     depth: float
     height: float
+    jaw: bool
+    symmetry: int
     shapes: tuple[trimesh.Trimesh, ...] = field(repr=False)
 
 
@@ -54,7 +58,7 @@ class Grasp:
     """One proposed grasp.
 
     Attributes:
-        type: one of `config.GRASP_TYPES`. probability: of success, 0 to 1. support: votes for it.
+        type: the name of a grasp type of the hand. probability: of success, 0 to 1. support: votes for it.
         T_input_tcp: (4, 4) float64, the TCP's pose with the hand still open.
         T_input_base: (4, 4) float64, the same hand's base link, axes of its URDF.
         joints: rad or m, every joint of the open hand. closed: `Gripper.closed`.
@@ -83,16 +87,8 @@ class Grasp:
 
 
 def grippers_of(hand: Hand) -> dict[str, Gripper]:
-    """Grasp type -> gripper. Takes some 0.1 s: once for a hand, not once for a grasp.
-
-    The pads meet where the two fingers, closing together with parallel pads, are 0 m apart (`Kinematics.opening`).
-    """
-    urdf = hand.urdf.read_bytes()
-    kinematics = Kinematics(hand.urdf, urdf, hand.config)
-    narrowest = min(kinematics.opening(limit) for limit in kinematics.limits)
-    closed = kinematics.preshape(max(narrowest, 0.0)).joints
-    joints = xml_root(urdf, hand.urdf, "a URDF of a hand").iter("joint")
-    mimics = {joint.get("name") for joint in joints if joint.find("mimic") is not None}
+    """Grasp type -> gripper, sorted by name. Once for a hand, not once for a grasp."""
+    mimics = {joint.name for joint in hand.robot.joints if joint.mimic is not None}
     grippers = {}
     for grasp_type, preshape in hand.preshapes.items():
         front = max(float(shape.bounds[1, 2]) for shape in preshape.shapes)
@@ -100,14 +96,16 @@ def grippers_of(hand: Hand) -> dict[str, Gripper]:
         grippers[grasp_type] = Gripper(
             name=f"{hand.config.name}_{grasp_type}",
             type=grasp_type,
-            base_link=hand.config.base_link,
+            base_link=hand.base_link,
             T_base_tcp=preshape.T_base_tcp,
             joints=dict(preshape.joints),
-            closed=dict(closed),
+            closed=dict(preshape.closed),
             active=tuple(name for name in preshape.joints if name not in mimics),
-            width=hand.config.openings[grasp_type],
+            width=preshape.opening,
             depth=max(front, 0.0),
             height=float(np.max(tips) - np.min(tips)),
+            jaw=preshape.jaw,
+            symmetry=preshape.symmetry,
             shapes=preshape.shapes,
         )
     return grippers

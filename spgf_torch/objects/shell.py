@@ -1,38 +1,16 @@
-"""Convex collision pieces of a scanned mesh that keep its cavities, and the check that they do.
-
-The surface is cut into patches of neighbouring faces. A patch becomes one convex piece, the hull of its faces
-and of their centres moved into the material, as long as that hull bulges less than a tolerance out of the
-mesh; otherwise it is halved. Neighbouring patches are then joined while their common hull still does not bulge.
-So a ball is a few pieces, a flat box side is one, and a bowl's wall is a mosaic of plates that carry the inner
-and the outer surface together. No simplified mesh stands between the scan and its pieces: quadric decimation
-to 600 faces left the 0.9 mm wall of a scanned bowl open and 15 % short of volume.
-"""
+"""Convex collision pieces of a scanned mesh, and the check that they keep its cavities."""
 
 from __future__ import annotations
 
-import heapq
 from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial import cKDTree
 
 from spgf_torch.errors import InputError
+from spgf_torch.geometry.convex_pieces import convex_hull, convex_pieces, in_box, lies_below, surface_tree
 from spgf_torch.objects.config import CollisionConfig
-
-# PhysX keeps at most 255 polygons a convex shape and cuts larger hulls by 1 mm and more (measured on a scanned
-# ball); a triangulated hull of 120 vertices has 236.
-MAX_HULL_VERTICES = 120
-# m; a triangle lower than this is a line to Qhull and PhysX, and its neighbours cover it.
-MIN_TRIANGLE_HEIGHT = 1e-6
-# m; the least that a face is extruded, so that no piece is flat.
-MIN_EXTRUSION = 2e-4
-# m; rays start this far off the face they leave, above single-precision noise at 1 m.
-RAY_START = 1e-5
-# Surface points that represent the surface where a distance to it is needed: 1.2 mm apart on a 16 cm bowl.
-SURFACE_POINTS = 50_000
-# Faces; a patch from this size on is first tried with a tenth of them.
-LARGE_PATCH = 1000
 
 
 @dataclass(frozen=True)
@@ -51,60 +29,6 @@ class PieceCheck:
     pieces: int
     volume_ratio: float
     free_space_kept: float
-
-
-@dataclass(frozen=True)
-class _Piece:
-    """`points`: (P, 3) every corner of the faces' exact hull; `corners`: (V, 3) those that the piece keeps;
-    `low`, `high`: (3,) its box."""
-
-    points: np.ndarray
-    corners: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-
-
-class _Surface:
-    """A mesh as faces to be covered and points to be kept free.
-
-    Attributes:
-        corners: (F, 3, 3) triangles, no edge longer than `max_edge`, set back into the material by `inset`: on the
-            hollow side of a curved wall a plate stands out by half its bulge on average, 20 % of a 1 mm wall.
-        centre: (F, 3) face centres, on the mesh.
-        inner: (F, 3) face centres moved inwards by `thickness`, or through the wall where that is thinner.
-        free: (Q, 3) face centres moved outwards by `tolerance`, in the order of x; without those that
-            another part of the surface comes close to.
-    """
-
-    def __init__(self, mesh: trimesh.Trimesh, config: CollisionConfig) -> None:
-        self.tolerance = config.tolerance
-        corners = _without_slivers(_bisected(np.asarray(mesh.triangles, dtype=np.float64), config.max_edge))
-        self.centre = centre = corners.mean(axis=1)
-        normal = trimesh.triangles.normals(corners)[0]
-        depth = np.clip(_ray_lengths(mesh, centre, -normal), MIN_EXTRUSION, config.thickness)
-        self.inner = centre - normal * depth[:, None]
-        self.corners = corners - (normal * np.minimum(config.inset, depth / 4)[:, None])[:, None]
-        free = centre + normal * self.tolerance
-        near, _ = _surface_tree(mesh).query(free, distance_upper_bound=self.tolerance * 0.95)
-        free = free[np.isinf(near) & (_ray_lengths(mesh, centre, normal) > 2 * self.tolerance)]
-        self.free = free[np.argsort(free[:, 0])]
-
-    def piece(self, points: np.ndarray) -> _Piece | None:
-        """The convex piece around `points`, or None where it would fill free space or have too many corners."""
-        hull = _hull(points, self.tolerance)
-        corners = points[hull.vertices]
-        if len(corners) > MAX_HULL_VERTICES or _holds_any(hull.equations, corners, self.free):
-            return None
-        return _Piece(points[_hull(points).vertices], corners, corners.min(axis=0), corners.max(axis=0))
-
-    def piece_of(self, patch: np.ndarray) -> _Piece | None:
-        """The piece that covers `patch`, face indices; what a few of its faces forbid need not be tried in full."""
-        if len(patch) >= LARGE_PATCH and self.piece(self._points(patch[::10])) is None:
-            return None
-        return self.piece(self._points(patch))
-
-    def _points(self, patch: np.ndarray) -> np.ndarray:
-        return np.concatenate([self.corners[patch].reshape(-1, 3), self.inner[patch]])
 
 
 def collision_pieces(
@@ -142,84 +66,6 @@ def _passes(check: PieceCheck, config: CollisionConfig) -> bool:
     return volume_kept and check.free_space_kept >= config.free_space_kept
 
 
-def convex_pieces(mesh: trimesh.Trimesh, config: CollisionConfig) -> tuple[np.ndarray, ...]:
-    """(V, 3) float64 corners of each convex piece; deterministic.
-
-    Every point of the mesh's surface lies within `tolerance` of a piece (and twice the inset at edges), and no piece
-    reaches much farther than `tolerance` out of the mesh: as far as a point that is to be kept free can be missed.
-    """
-    surface = _Surface(mesh, config)
-    return tuple(piece.corners for piece in _joined(surface, _halved(surface)))
-
-
-def _halved(surface: _Surface) -> list[_Piece]:
-    """Patches cut across their longest direction until each has an admissible piece."""
-    pieces, waiting = [], [np.arange(len(surface.corners))]
-    while waiting:
-        patch = waiting.pop()
-        piece = surface.piece_of(patch)
-        if piece is not None:
-            pieces.append(piece)
-        elif len(patch) > 1:
-            waiting += _halves(patch, surface.centre[patch])
-    return pieces
-
-
-def _halves(patch: np.ndarray, centre: np.ndarray) -> list[np.ndarray]:
-    spread = centre - centre.mean(axis=0)
-    along = spread @ np.linalg.eigh(spread.T @ spread)[1][:, -1]
-    order = np.argsort(along, kind="stable")
-    return [patch[order[: len(order) // 2]], patch[order[len(order) // 2 :]]]
-
-
-def _joined(surface: _Surface, pieces: list[_Piece]) -> list[_Piece]:
-    """Touching pieces joined, smallest first, while the common hull is admissible.
-
-    A pair that was refused stays refused in whatever its members grow into: their hull only gets larger.
-    """
-    alive = dict(enumerate(pieces))
-    touching = _touching(pieces)
-    refused: dict[int, set[int]] = {a: set() for a in alive}
-    queue = [(_extent(alive[a], alive[b]), a, b) for a in touching for b in touching[a] if a < b]
-    heapq.heapify(queue)
-    while queue:
-        _, a, b = heapq.heappop(queue)
-        if a not in alive or b not in alive:
-            continue
-        joined = surface.piece(np.concatenate([alive[a].points, alive[b].points]))
-        if joined is None:
-            refused[a].add(b)
-            refused[b].add(a)
-            continue
-        new = len(touching)
-        del alive[a], alive[b]
-        refused[new] = (refused[a] | refused[b]) & alive.keys()
-        touching[new] = ((touching[a] | touching[b]) & alive.keys()) - refused[new]
-        alive[new] = joined
-        for c in refused[new]:
-            refused[c].add(new)
-        for c in touching[new]:
-            touching[c].add(new)
-            heapq.heappush(queue, (_extent(alive[c], joined), c, new))
-    return list(alive.values())
-
-
-def _touching(pieces: list[_Piece]) -> dict[int, set[int]]:
-    """For each piece the others whose boxes it meets."""
-    low, high = np.array([piece.low for piece in pieces]), np.array([piece.high for piece in pieces])
-    meets = np.ones((len(pieces), len(pieces)), dtype=bool)
-    for axis in range(3):
-        meets &= low[:, None, axis] <= high[None, :, axis]
-    meets &= meets.T
-    return {a: set(np.flatnonzero(row).tolist()) - {a} for a, row in enumerate(meets)}
-
-
-def _extent(a: _Piece, b: _Piece) -> float:
-    """Squared diagonal of the box around two pieces: small first keeps patches compact."""
-    diagonal = np.maximum(a.high, b.high) - np.minimum(a.low, b.low)
-    return float(diagonal @ diagonal)
-
-
 def check_pieces(
     mesh: trimesh.Trimesh, pieces: tuple[np.ndarray, ...], config: CollisionConfig, seed: int = 0
 ) -> PieceCheck:
@@ -233,7 +79,7 @@ def check_pieces(
     for piece in pieces:
         _mark(in_piece, points, piece)
     unreached = points[in_mesh & ~in_piece]
-    to_surface, _ = _surface_tree(mesh).query(unreached, distance_upper_bound=config.thickness)
+    to_surface, _ = surface_tree(mesh).query(unreached, distance_upper_bound=config.thickness)
     bounded = in_piece.sum() + np.isinf(to_surface).sum()
     # A cavity is large beside a wall: a fourth of the points tells its share to half a per cent.
     cavity = _cavity(mesh, points, np.flatnonzero(~in_mesh)[::4], config.cavity_depth)
@@ -264,25 +110,9 @@ def _inside(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
 
 def _mark(mask: np.ndarray, points: np.ndarray, corners: np.ndarray) -> None:
     """Set `mask` where `points`, in the order of x, lie in the hull of `corners`."""
-    chosen = _in_box(points, corners)
-    equations = _hull(corners).equations
-    mask[chosen[_below(equations, points[chosen])]] = True
-
-
-def _holds_any(equations: np.ndarray, corners: np.ndarray, points: np.ndarray) -> bool:
-    return bool(_below(equations, points[_in_box(points, corners)]).any())
-
-
-def _below(equations: np.ndarray, points: np.ndarray) -> np.ndarray:
-    return (points @ equations[:, :3].T < -equations[:, 3]).all(axis=1)
-
-
-def _in_box(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Indices of `points`, in the order of x, in the box of `corners`."""
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    first, last = np.searchsorted(points[:, 0], [low[0], high[0]])
-    y, z = points[first:last, 1], points[first:last, 2]
-    return first + np.flatnonzero((y > low[1]) & (y < high[1]) & (z > low[2]) & (z < high[2]))
+    chosen = in_box(points, corners)
+    equations = convex_hull(corners).equations
+    mask[chosen[lies_below(equations, points[chosen])]] = True
 
 
 def _cavity(mesh: trimesh.Trimesh, points: np.ndarray, outside: np.ndarray, depth: float) -> np.ndarray:
@@ -291,7 +121,7 @@ def _cavity(mesh: trimesh.Trimesh, points: np.ndarray, outside: np.ndarray, dept
     These are the points outside the mesh that lie at least `depth` below its convex hull, and those in the hull
     within `depth` of them. The sliver between a bulging box and its hull is no cavity: nothing can reach into it.
     """
-    equations = _hull(np.asarray(mesh.vertices), depth / 5).equations
+    equations = convex_hull(np.asarray(mesh.vertices), depth / 5).equations
     blocks = np.array_split(points[outside], 1 + len(outside) * len(equations) // 10_000_000)
     below = -np.concatenate([(block @ equations[:, :3].T + equations[:, 3]).max(axis=1) for block in blocks])
     inside, below = outside[below > 0], below[below > 0]
@@ -300,50 +130,3 @@ def _cavity(mesh: trimesh.Trimesh, points: np.ndarray, outside: np.ndarray, dept
         return core.astype(int)
     to_core, _ = cKDTree(core).query(points[inside], distance_upper_bound=depth)
     return inside[np.isfinite(to_core)]
-
-
-def _hull(points: np.ndarray, slack: float = 0.0) -> ConvexHull:
-    """Convex hull without the corners that stand out by less than `slack` (Qhull's option W)."""
-    if slack:
-        try:
-            return ConvexHull(points, qhull_options=f"Qt W{slack:.9g}")
-        except QhullError:  # flatter than the slack: take every corner
-            pass
-    return ConvexHull(points)
-
-
-def _ray_lengths(mesh: trimesh.Trimesh, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """(N,) distance to the mesh along unit `directions`, from surface points off to that side; inf without a hit."""
-    _, ray, place = mesh.ray.intersects_id(
-        origins + directions * RAY_START, directions, multiple_hits=False, return_locations=True
-    )
-    lengths = np.full(len(origins), np.inf)
-    lengths[ray] = np.linalg.norm(place - origins[ray], axis=1)
-    return lengths
-
-
-def _surface_tree(mesh: trimesh.Trimesh) -> cKDTree:
-    return cKDTree(trimesh.sample.sample_surface(mesh, SURFACE_POINTS, seed=0)[0])
-
-
-def _bisected(corners: np.ndarray, max_edge: float) -> np.ndarray:
-    """(F', 3, 3) triangles cut across their longest edge until none is longer than `max_edge`.
-
-    `trimesh.remesh.subdivide_to_size` cuts all three edges: a long thin triangle becomes thousands of thinner ones.
-    """
-    done = []
-    while len(corners):
-        edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
-        long = edges.max(axis=1) > max_edge
-        done.append(corners[~long])
-        order = (edges[long].argmax(axis=1)[:, None] + np.arange(3)) % 3
-        a, b, c = np.moveaxis(np.take_along_axis(corners[long], order[:, :, None], axis=1), 1, 0)
-        middle = (a + b) / 2
-        corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
-    return np.concatenate(done)
-
-
-def _without_slivers(corners: np.ndarray) -> np.ndarray:
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    area = trimesh.triangles.area(corners)
-    return corners[2 * area > longest * MIN_TRIANGLE_HEIGHT]

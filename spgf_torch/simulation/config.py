@@ -29,7 +29,6 @@ class EpisodeConfig:
     friction: float = bounded(0.0, 5.0)
     depenetration: float = bounded(0.01, 100.0)
     damping: float = bounded(0.0, 100.0)
-    close_time: float = bounded(0.01, 10.0)
     stall_window: float = bounded(0.002, 1.0)
     stall_motion: float = bounded(0.0, 0.1)
     settle_time: float = bounded(0.0, 10.0)

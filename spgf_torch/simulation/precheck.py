@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 
-from spgf_torch.hands.hand import Preshape
+from spgf_torch.hands.preshape import Preshape
 from spgf_torch.objects.grasp_object import GraspObject
 
 
@@ -18,8 +18,8 @@ class PreCheck:
     """
 
     def __init__(self, obj: GraspObject, preshape: Preshape) -> None:
-        self._object = fcl.CollisionObject(_tree([_hull(part) for part in obj.parts]))
-        self._hand = fcl.CollisionObject(_tree(list(preshape.shapes)))
+        self._object = fcl.CollisionObject(tree([_hull(part) for part in obj.parts]))
+        self._hand = fcl.CollisionObject(tree(list(preshape.shapes)))
         self._request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
 
     def collides(self, T_object_tcp: np.ndarray) -> bool:
@@ -33,10 +33,19 @@ def _hull(points: np.ndarray) -> trimesh.Trimesh:
     return trimesh.Trimesh(points, ConvexHull(points).simplices, process=False)
 
 
-def _tree(meshes: list[trimesh.Trimesh]) -> fcl.BVHModel:
+def tree(meshes: list[trimesh.Trimesh]) -> fcl.BVHModel:
+    """The triangles of all meshes, as FCL searches them."""
     mesh: trimesh.Trimesh = trimesh.util.concatenate(meshes)  # type: ignore[assignment]
-    tree = fcl.BVHModel()
-    tree.beginModel(len(mesh.faces), len(mesh.vertices))
-    tree.addSubModel(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int32))
-    tree.endModel()
-    return tree
+    model = fcl.BVHModel()
+    model.beginModel(len(mesh.faces), len(mesh.vertices))
+    model.addSubModel(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int32))
+    model.endModel()
+    return model
+
+
+def trees_touch(first: fcl.BVHModel | None, second: fcl.BVHModel | None) -> bool:
+    """Whether two surfaces cut each other; nothing touches None."""
+    if first is None or second is None:
+        return False
+    pair = fcl.CollisionObject(first), fcl.CollisionObject(second)
+    return fcl.collide(*pair, fcl.CollisionRequest(), fcl.CollisionResult()) > 0

@@ -11,7 +11,7 @@ from trial_objects import jaw_settings, parallel_jaw
 from spgf_torch.errors import InputError
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
-from spgf_torch.settings import settings, typed
+from spgf_torch.settings import plain, settings, typed
 from spgf_torch.simulation.config import EpisodeConfig
 
 
@@ -25,7 +25,7 @@ def test_preshape_and_tcp_follow_from_the_opening(hand, kind, q1):
     preshape = hand.preshapes[kind]
     joints = preshape.joints
     assert joints["finger_1_proximal_joint"] == pytest.approx(q1, abs=5e-4)
-    exact = math.asin((0.0364 - hand.config.openings[kind]) / 0.173)
+    exact = math.asin((0.0364 - hand.preshapes[kind].opening) / 0.173)
     for finger in ("finger_1", "finger_2"):
         assert joints[f"{finger}_proximal_joint"] == pytest.approx(exact, abs=1e-6)
         assert joints[f"{finger}_distal_joint"] == -joints[f"{finger}_proximal_joint"]
@@ -37,13 +37,13 @@ def test_preshape_and_tcp_follow_from_the_opening(hand, kind, q1):
 def test_pads_meet_where_the_paper_hand_closes(hand):
     """The opening is 0 at sin q1 = 0.0364 / 0.173, q1 = 0.212 (docs/design/simulation.md); positive values close."""
     assert math.asin(0.0364 / 0.173) == pytest.approx(0.212, abs=1e-3)
-    assert hand.closing == 1.0
+    assert hand.preshapes["NPG"].closing.phases == ({"finger_1_proximal_joint": 1.0, "finger_2_proximal_joint": 1.0},)
 
 
 def test_open_hand_leaves_the_space_between_the_pads_free(hand):
     """In the TCP frame the pads' faces lie at +-opening / 2 on x, 24 mm wide on y, and nothing is in between."""
     for kind, preshape in hand.preshapes.items():
-        half = hand.config.openings[kind] / 2
+        half = hand.preshapes[kind].opening / 2
         pads = [s for s in preshape.shapes if np.abs(s.bounds[:, 0]).min() == pytest.approx(half, abs=1e-6)]
         assert len(pads) == 2
         for pad in pads:
@@ -88,20 +88,27 @@ def test_another_gripper_is_another_urdf_and_other_settings(tmp_path: Path):
     path = tmp_path / "jaw.urdf"
     path.write_text(parallel_jaw())
     jaw = load_hand(typed(HandConfig, jaw_settings(str(path))))
-    assert jaw.closing == -1.0
+    assert jaw.preshapes["WPG"].closing.phases == ({"left_joint": -1.0, "right_joint": -1.0},)
     assert jaw.preshapes["WPG"].joints == pytest.approx({"left_joint": 0.0475, "right_joint": 0.0475})
     np.testing.assert_allclose(jaw.preshapes["NPG"].T_base_tcp[:3, 3], [0, 0, 0.1], atol=1e-7)
+
+
+PINCH = plain(settings(HandConfig))["preshapes"]["NPG"]
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"urdf": "nowhere.urdf"}, "hand.urdf: expected a URDF file, got nowhere.urdf"),
-        ({"base_link": "wrist"}, "hand.base_link: expected palm"),
-        ({"openings": {"NPG": 0.5, "WPG": 0.1}}, "hand.openings: expected 0.000 to 0.209 m, got 0.5"),
-        ({"openings": {"NPG": 0.05}}, "hand.openings: expected one for WPG, got none"),
-        ({"fixed_deg": {"elbow": 3}}, "expected a joint named elbow, got none"),
-        ({"fingers": []}, "hand.fingers: expected two fingers"),
+        ({"root": "wrist"}, "hand.root: expected a link"),
+        ({"preshapes": {"NPG": {**PINCH, "opening": 0.5}}}, "NPG.opening: expected 0.000 to 0.209 m, got 0.5"),
+        ({"preshapes": {}}, "hand.preshapes: expected one or more, got none"),
+        ({"preshapes": {"NPG": {"hold": {"elbow": 3}}}}, "NPG.hold: expected a joint that moves, got elbow"),
+        ({"preshapes": {"NPG": {"hold": {"thumb_distal_joint": 91}}}}, "expected -90 to 90 deg, its limits; got 91"),
+        ({"fingers": {}}, "hand.fingers: expected two or more, got 0"),
+        ({"fingers": {"first": ["finger_1_tip"], "second": ["finger_2_tp"]}}, "did you mean finger_2_tip"),
+        ({"closing": {"effort": 2.2}}, "hand.closing.effort: expected at most 2.1, the effort of finger_1_proximal"),
+        ({"approach": [0, 0, 0]}, "hand.approach: expected three numbers, not all 0"),
     ],
 )
 def test_wrong_settings_are_told_in_one_line(change, message):

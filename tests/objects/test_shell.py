@@ -6,8 +6,9 @@ import trimesh
 from scipy.spatial import ConvexHull, cKDTree
 
 from spgf_torch.errors import InputError
+from spgf_torch.geometry.convex_pieces import MAX_HULL_VERTICES, convex_pieces
 from spgf_torch.objects.config import CollisionConfig
-from spgf_torch.objects.shell import MAX_HULL_VERTICES, check_pieces, collision_pieces, convex_pieces
+from spgf_torch.objects.shell import check_pieces, collision_pieces
 from spgf_torch.settings import settings
 
 OUTER, INNER, HEIGHT, BOTTOM = 0.040, 0.037, 0.080, 0.003

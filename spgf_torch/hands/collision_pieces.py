@@ -1,0 +1,170 @@
+"""Collision shapes of links as convex pieces: those that a URDF describes, and meshes, cut where they are not convex."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from scipy.spatial import ConvexHull, QhullError
+
+from spgf_torch.errors import InputError
+from spgf_torch.extras import needed
+from spgf_torch.files.mesh_files import mesh_arrays
+from spgf_torch.files.reading import unreadable, xml_root
+from spgf_torch.geometry.convex_pieces import MAX_HULL_VERTICES, convex_pieces
+from spgf_torch.hands.robot import Collision
+from spgf_torch.hands.urdf_files import mesh_file
+from spgf_torch.hands.urdf_numbers import XML, number, numbers, pose
+
+FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".dae", ".off")
+LARGEST = 2.0  # m; a larger mesh of a hand is taken for millimetres without a scale
+MOST_PIECES = 32  # of one mesh: as many as a scanned object has, and a hand has ten meshes
+SAMPLES = 20_000  # points that stand for a surface: 1 mm apart on a finger
+
+
+@dataclass(frozen=True)
+class HandCutting:
+    """How meshes of hands are cut, m.
+
+    Attributes:
+        tolerance: what a piece may bulge out of the mesh: below the 2 mm between a pad and what it must not touch.
+        inset: pads keep their surface.
+        thickness: twice what PhysX lets a finger sink into an object.
+        max_edge: half the width of a narrow finger.
+    """
+
+    tolerance: float = 0.001
+    inset: float = 0.0
+    thickness: float = 0.005
+    max_edge: float = 0.01
+
+
+COARSER = 1.5  # times the tolerance, while there are more than MOST_PIECES
+COARSEST = 0.005  # m; then they may be more
+
+
+def link_collisions(path: Path, link: XML, packages: dict[str, str]) -> list[Collision]:
+    """The convex pieces of all `<collision>` elements of a link, in their order.
+
+    Raises InputError, which names the link, for a shape that is missing, unreadable or has no volume.
+    """
+    name, found = link.get("name", ""), []
+    for element in link.findall("collision"):
+        where = f"link {name}: collision"
+        T = pose(path, f"{where}: origin", element.find("origin"))
+        shape = element.find("geometry/*")
+        if shape is None:
+            raise InputError(f"{path}: {where}: expected a geometry, got none")
+        if shape.tag == "mesh":
+            meshes, cut = _mesh_pieces(path, where, shape, packages), True
+        else:
+            meshes, cut = (_primitive(path, where, shape),), False
+        found += [Collision(name, cut, mesh, T) for mesh in meshes]
+    return found
+
+
+def _primitive(path: Path, where: str, shape: XML) -> trimesh.Trimesh:
+    def size(key: str, count: int = 1) -> np.ndarray:
+        values = numbers(path, f"{where}: {shape.tag} {key}", shape.get(key), count)
+        if not (values > 0.0).all():
+            raise InputError(f"{path}: {where}: expected a {shape.tag} of some {key}, got {shape.get(key)}")
+        return values
+
+    if shape.tag == "box":
+        return trimesh.creation.box(size("size", 3))
+    if shape.tag == "cylinder":
+        return trimesh.creation.cylinder(float(size("radius")[0]), float(size("length")[0]))
+    if shape.tag == "sphere":
+        return trimesh.creation.icosphere(radius=float(size("radius")[0]))
+    if shape.tag == "capsule":
+        return trimesh.creation.capsule(float(size("length")[0]), float(size("radius")[0]))
+    raise InputError(f"{path}: {where}: expected a box, cylinder, sphere, capsule or mesh; got {shape.tag}")
+
+
+def _mesh_pieces(path: Path, where: str, shape: XML, packages: dict[str, str]) -> tuple[trimesh.Trimesh, ...]:
+    name = shape.get("filename", "")
+    if not name:
+        raise InputError(f"{path}: {where}: expected the filename of a mesh, got none")
+    scale = numbers(path, f"{where}: scale", shape.get("scale", "1 1 1"), 3)
+    if not scale.all():
+        raise InputError(f"{path}: {where}: expected a scale other than 0, got {shape.get('scale')}")
+    file = mesh_file(name, path, packages)
+    vertices, faces = _arrays(file)
+    vertices, faces = vertices * scale, faces[:, ::-1] if scale.prod() < 0.0 else faces
+    used = vertices[faces.ravel()]
+    if not len(faces) or not np.isfinite(used).all():
+        raise InputError(f"{file}: expected a mesh with faces and finite vertices, got another")
+    if (extent := float(np.ptp(used, axis=0).max())) > LARGEST:
+        hint = '; scale="0.001 0.001 0.001" if it is in millimetres'
+        raise InputError(f"{path}: {where}: expected a mesh of at most {LARGEST:g} m, {file} has {extent:.3g} m{hint}")
+    try:
+        return pieces_of(vertices.tobytes(), faces.tobytes())
+    except (ValueError, QhullError) as error:  # flat
+        raise unreadable(file, "a mesh with a convex hull", error) from None
+
+
+def _arrays(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices in m, as far as the file says its unit, and faces."""
+    kind = file.suffix.lower()
+    if kind not in FORMATS:
+        raise InputError(f"{file}: expected a mesh of {', '.join(FORMATS)}; got {kind or 'no ending'}")
+    if kind != ".dae":
+        return mesh_arrays(file)
+    needed(f"{file}: a COLLADA mesh", "collada")
+    root = xml_root(file.read_bytes(), file, "a COLLADA mesh")
+    unit = root.find("{*}asset/{*}unit")
+    metres = number(file, "unit", unit.get("meter", "1")) if unit is not None else 1.0
+    vertices, faces = mesh_arrays(file)
+    return vertices * metres, faces
+
+
+@lru_cache(maxsize=256)
+def pieces_of(vertices: bytes, faces: bytes) -> tuple[trimesh.Trimesh, ...]:
+    """Convex pieces of a mesh of float64 vertices and int64 faces, each closed, of at most MAX_HULL_VERTICES corners.
+
+    One, its hull, where no point of the surface lies deeper below it than the tolerance; else those of
+    `geometry.convex_pieces`, with a tolerance that grows until they are few.
+    """
+    mesh = _merged(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, dtype=np.int64).reshape(-1, 3))
+    cutting = HandCutting()
+    if _depth(mesh) <= cutting.tolerance:
+        return (_few_corners(mesh.vertices),)
+    while True:
+        pieces = convex_pieces(mesh, cutting)
+        if len(pieces) <= MOST_PIECES or cutting.tolerance * COARSER > COARSEST:
+            return tuple(trimesh.Trimesh(piece).convex_hull for piece in pieces)
+        cutting = replace(cutting, tolerance=cutting.tolerance * COARSER)
+
+
+def _merged(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
+    """One vertex a place, faces that turn the same way round, outwards."""
+    mesh = trimesh.Trimesh(vertices, faces, process=True)
+    a, b, c = mesh.faces.T
+    mesh.update_faces((a != b) & (b != c) & (c != a))
+    mesh.remove_unreferenced_vertices()
+    if not mesh.is_winding_consistent:
+        trimesh.repair.fix_winding(mesh)
+    if mesh.is_watertight and mesh.volume < 0.0:
+        mesh.invert()
+    return mesh
+
+
+def _depth(mesh: trimesh.Trimesh) -> float:
+    """How deep the surface lies below its convex hull, m."""
+    equations = ConvexHull(mesh.vertices).equations
+    points = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)[0]
+    blocks = np.array_split(points, 1 + len(points) * len(equations) // 10_000_000)
+    return float(max(-(block @ equations[:, :3].T + equations[:, 3]).max(axis=1).min() for block in blocks))
+
+
+def _few_corners(points: np.ndarray) -> trimesh.Trimesh:
+    """The hull of `points` without those corners that stand out least, where PhysX could not take it."""
+    slack = 1e-5
+    corners = points[ConvexHull(points).vertices]
+    while len(corners) > MAX_HULL_VERTICES:
+        corners = points[ConvexHull(points, qhull_options=f"Qt W{slack:.9g}").vertices]
+        slack *= 1.5
+    return trimesh.Trimesh(corners).convex_hull

@@ -1,0 +1,116 @@
+"""The joints of a hand in a scene: what drives them, and how they close (docs/design/simulation.md)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from sapien import physx
+
+from spgf_torch.hands.preshape import Preshape
+from spgf_torch.hands.robot import Follow, Robot
+from spgf_torch.simulation.config import EpisodeConfig
+
+
+class Fingers:
+    """The fingers of one articulation, set to the open hand; `step` advances the scene that they are in.
+
+    Attributes:
+        places: joint that moves -> its place in `qpos`.
+        follow: joints that follow another one that moves. linked: those that do so by the hand's mechanism.
+    """
+
+    def __init__(
+        self,
+        articulation: physx.PhysxArticulation,
+        robot: Robot,
+        preshape: Preshape,
+        config: EpisodeConfig,
+        step: Callable[[], None],
+    ) -> None:
+        self.articulation, self.closing, self.config, self.step = articulation, preshape.closing, config, step
+        active = articulation.active_joints
+        self.joints = {joint.name: joint for joint in active}
+        self.places = {name: place for place, name in enumerate(self.joints)}
+        self.drives = preshape.drives
+        articulation.set_qpos([preshape.joints[name] for name in self.joints])
+        for name, joint in self.joints.items():
+            drive = preshape.drives[name]
+            joint.set_drive_properties(drive.stiffness, drive.damping, drive.effort)
+            joint.set_drive_target(preshape.joints[name])
+        follow = _resolved(preshape.closing.follow)
+        self.follow = {n: rule for n, rule in follow.items() if n in self.joints and rule.of in self.joints}
+        mechanical = {joint.name for joint in robot.joints if joint.mimic}
+        self.linked = {name: rule for name, rule in self.follow.items() if name in mechanical}
+
+    @property
+    def qpos(self) -> np.ndarray:
+        return self.articulation.qpos
+
+    def close(self) -> None:
+        """Run the targets ahead of the joints, never back, phase by phase, until the fingers stand still."""
+        steps = round(self.closing.time / self.config.dt)
+        q = self.qpos
+        targets = {name: float(q[self.places[name]]) for phase in self.closing.phases for name in phase}
+        for phase in self.closing.phases:
+            steps -= self._close_phase(phase, targets, steps)
+
+    def _close_phase(self, phase: Mapping[str, float], targets: dict[str, float], most: int) -> int:
+        """Close these joints until all that close stand still, twice in a row; the number of steps that it took."""
+        stride, window = self.closing.speed * self.config.dt, max(1, round(self.config.stall_window / self.config.dt))
+        plan = [
+            (name, self.joints[name], self.places[name], math.copysign(1.0, share), self._lead(name, share))
+            for name, share in phase.items()
+        ]
+        watched = [self.places[name] for name in targets]
+        q = self.qpos
+        before, still = [float(q[place]) for place in watched], 0
+        for step in range(1, most + 1):
+            for name, joint, place, sign, lead in plan:
+                target = sign * targets[name]
+                ahead = min(target + stride, sign * float(q[place]) + lead)
+                targets[name] = sign * max(target, ahead)
+                joint.set_drive_target(targets[name])
+            self.turn(self.follow, q)
+            self.step()
+            q = self.qpos
+            if step % window == 0:
+                now = [float(q[place]) for place in watched]
+                moved = max(abs(a - b) for a, b in zip(now, before, strict=True))
+                before, still = now, still + 1 if moved < self.config.stall_motion else 0
+                if still == 2:
+                    return step
+        return most
+
+    def _lead(self, name: str, share: float) -> float:
+        """rad or m that the target of a joint may run ahead of it: its share of the effort over the stiffness."""
+        return abs(share) * self.closing.effort / self.drives[name].stiffness
+
+    def turn(self, follow: Mapping[str, Follow], q: np.ndarray) -> None:
+        """Set the targets of joints that follow others, which are at `q`."""
+        for name, rule in follow.items():
+            self.joints[name].set_drive_target(rule.ratio * float(q[self.places[rule.of]]) + rule.offset)
+
+    def keep_linked(self) -> None:
+        """What follows by the hand's mechanism does so under load."""
+        if self.linked:
+            self.turn(self.linked, self.qpos)
+
+    def settle(self, duration: float) -> None:
+        """Targets of what closes frozen, what follows still following."""
+        for _ in range(round(duration / self.config.dt)):
+            self.turn(self.follow, self.qpos)
+            self.step()
+
+
+def _resolved(follow: Mapping[str, Follow]) -> dict[str, Follow]:
+    """The same rules, each of a joint that follows no other."""
+    found = {}
+    for name, rule in follow.items():
+        for _ in follow:  # no longer chain than there are rules
+            if (of := follow.get(rule.of)) is None:
+                break
+            rule = Follow(of.of, rule.ratio * of.ratio, rule.ratio * of.offset + rule.offset)
+        found[name] = rule
+    return found
