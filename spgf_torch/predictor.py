@@ -19,7 +19,7 @@ import numpy as np
 import torch
 
 from spgf_torch.affordance.model import GraspModel, check_device, load_model, model_settings
-from spgf_torch.affordance.sensed_collision import hand_volume
+from spgf_torch.affordance.sensed_collision import hand_volumes
 from spgf_torch.errors import InputError
 from spgf_torch.files.given_paths import model_and_judge
 from spgf_torch.hands.config import HandConfig
@@ -89,8 +89,8 @@ class Predictor:
         its_judge = None if ranks is None else load_judge(ranks)
         model = None if votes is None else load_model(votes, device)
         hand = (model or its_judge).settings["hand"]  # type: ignore[union-attr]
-        grippers = grippers_of(load_hand(typed(HandConfig, hand)))
-        volumes = {grasp_type: hand_volume(gripper.shapes) for grasp_type, gripper in grippers.items()}
+        loaded = load_hand(typed(HandConfig, hand))
+        grippers, volumes = grippers_of(loaded), hand_volumes(loaded)
         if model is None:
             judged = JudgedProposer.alone(its_judge, volumes, config)  # type: ignore[arg-type]
             return Predictor(None, sensing, grippers, None, retreat, judged)

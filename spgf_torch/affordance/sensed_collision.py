@@ -14,6 +14,7 @@ import torch
 import trimesh
 from torch import Tensor
 
+from spgf_torch.hands.hand import Hand
 from spgf_torch.ops.points_in_volume import points_in_volume
 
 
@@ -35,6 +36,16 @@ class HandVolume:
     symmetry: int = 2
 
 
+def hand_volumes(hand: Hand) -> dict[str, HandVolume]:
+    """Grasp type -> the volume of the hand in its preshape, in the TCP frame."""
+    body_of, volumes = hand.robot.bodies(), {}
+    for name, preshape in hand.preshapes.items():
+        bodies = [body_of[link] for link in preshape.shape_links]
+        groups = [{body_of[link] for link in group} for group in preshape.groups]
+        volumes[name] = hand_volume(preshape.shapes, bodies, groups, preshape.symmetry)
+    return volumes
+
+
 def hand_volume(
     shapes: Sequence[trimesh.Trimesh],
     links: Sequence[str] = (),
@@ -44,7 +55,7 @@ def hand_volume(
     """The volume of convex meshes in the TCP frame, m.
 
     Args:
-        links: whose shape each is. groups: names of the links of each opposing group; () where they are not known.
+        links: whose shape each is. groups: the links of each opposing group of fingers; () where they are not known.
         symmetry: turns about the approach that make the same grasp.
     """
     planes = []
