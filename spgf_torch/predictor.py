@@ -31,7 +31,8 @@ from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.judge import Judge, load_judge
 from spgf_torch.proposing.judge_features import Seen
 from spgf_torch.proposing.judge_proposer import JudgedProposer
-from spgf_torch.proposing.propose import Proposals, Proposer
+from spgf_torch.proposing.proposals import Proposals
+from spgf_torch.proposing.propose import Proposer
 from spgf_torch.prototypes.naming import prototype_names
 from spgf_torch.scene.arrays import cloud_of_arrays
 from spgf_torch.scene.assembly import texlets_of

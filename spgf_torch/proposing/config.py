@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from spgf_torch.settings import bounded, choice, defaults_from
+from spgf_torch.settings import bounded, defaults_from
 
 
 @dataclass
@@ -38,7 +38,7 @@ class ProposingConfig:
     coarse_cell: float = bounded(0.001, 0.1)
     plane_clearance: float = bounded(0.0, 1.0)
     between: float = bounded(0.001, 0.2)
-    order: str = choice("score", "probability")
+    probability_weight: float = bounded(0.0, 1.0)
 
 
 @dataclass

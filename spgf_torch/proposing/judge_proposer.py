@@ -19,7 +19,8 @@ from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import Seen, in_images, judge_features
 from spgf_torch.proposing.judge_influences import Numbers
-from spgf_torch.proposing.propose import NOTHING, Pool, Proposals, Proposer, votes_by_prototype
+from spgf_torch.proposing.proposals import Proposals, votes_by_prototype
+from spgf_torch.proposing.propose import NOTHING, Pool, Proposer
 from spgf_torch.proposing.sampling import non_maximum_suppression
 
 

@@ -14,7 +14,6 @@ falls into is the one thing that rounding can change.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -36,7 +35,7 @@ from spgf_torch.proposing.borders import clear_of_borders
 from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.grasp_seeds import GraspSeeds, grasp_seeds
-from spgf_torch.proposing.judge_influences import Numbers
+from spgf_torch.proposing.proposals import Proposals, between_types, votes_by_prototype
 from spgf_torch.proposing.sampling import farthest_point_sampling, non_maximum_suppression
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.sensing.texlets import Texlets
@@ -44,41 +43,6 @@ from spgf_torch.settings import typed
 
 # No table, no obstacles.
 NOTHING = Surroundings()
-
-
-@dataclass(frozen=True)
-class Proposals:
-    """Grasps in the frame of the texlets, the best first, all types in one ranking.
-
-    Attributes:
-        T_object_tcp: (G, 4, 4) f32, m.
-        grasp_type: (G,) int64, index into `grasp_types`, the sorted names.
-        probability: (G,) f32, calibrated, that the grasp succeeds.
-        score: (G,) f32, what orders them: the votes' mean log-odds gain, drawn towards 0 by `proposing.vote_shrinkage`
-            votes; the probability where `proposing.order` says so, and where a judge ranked.
-        support: (G,) int64, votes.
-        voted_by: of each grasp (prototype, votes), most votes first.
-        judged: (G, 2) f64, of a judge P(free) and P(holds | free); None where the votes ranked.
-        numbers: what the judge knew of each; () where the votes ranked.
-    """
-
-    T_object_tcp: Tensor
-    grasp_type: Tensor
-    grasp_types: tuple[str, ...]
-    probability: Tensor
-    score: Tensor
-    support: Tensor
-    voted_by: tuple[tuple[tuple[int, int], ...], ...]
-    judged: Tensor | None = None
-    numbers: tuple[Numbers, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.grasp_type)
-
-    def best(self, n: int) -> dict[str, Tensor]:
-        """The n best of each grasp type and of all together (CG): indices (<= n,) int64, best first."""
-        of_type = {name: (self.grasp_type == code).nonzero()[:n, 0] for code, name in enumerate(self.grasp_types)}
-        return {**of_type, "CG": torch.arange(min(n, len(self)), device=self.grasp_type.device)}
 
 
 @dataclass(frozen=True)
@@ -256,17 +220,16 @@ class Proposer:
         scores = self.scores(votes, pool.grasp_type, self.affordance)  # what calibration was learned for
         probability = scores.calibrated(self.model.calibration).probability
         supported = (scores.votes > 0).nonzero()[:, 0]
-        order = pool.score
-        if config.order == "probability":
-            order = probability
-            supported = supported[torch.argsort(order[supported], descending=True, stable=True)]
+        score = between_types(pool.score[supported], probability[supported], pool.grasp_type[supported], config)
+        order = torch.argsort(score, descending=True, stable=True)
+        supported, score = supported[order], score[order]
         voted_by = votes_by_prototype(votes, len(pool.score))
         return Proposals(
             pool.T[supported].float(),
             pool.grasp_type[supported],
             self.clearance.grasp_types,
             probability[supported],
-            order[supported],
+            score,
             scores.votes[supported],
             tuple(voted_by[i] for i in supported.tolist()),
         )
@@ -288,11 +251,3 @@ class Proposer:
         """The votes on free grasps of types (G,), combined."""
         free = torch.zeros_like(grasp_type, dtype=torch.bool)
         return score_grasps(votes, self.model.condensed.base_rate, grasp_type, free, affordance)
-
-
-def votes_by_prototype(votes: Votes, grasps: int) -> list[tuple[tuple[int, int], ...]]:
-    """Of each of so many grasps (prototype, votes), most votes first."""
-    counted: list[Counter[int]] = [Counter() for _ in range(grasps)]
-    for grasp, prototype in zip(votes.grasp.tolist(), votes.prototype.tolist(), strict=True):
-        counted[grasp][prototype] += 1
-    return [tuple(sorted(c.items(), key=lambda item: (-item[1], item[0]))) for c in counted]
