@@ -40,6 +40,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.experiment.execution import execute_best
     from spgf_torch.files.writing import write_bytes
     from spgf_torch.hands.hand import load_hand
+    from spgf_torch.hands.records import grippers_of
     from spgf_torch.objects.folders import read_objects
     from spgf_torch.reporting.figures.failures import failures_picture
     from spgf_torch.simulation.execute import Trials
@@ -70,7 +71,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     results = executed_results(outcomes_of(objects, executed, each), config)
     results |= {"learned_from": known, **_judged(executed, scores, config)}
     write_json(folder / "results.json", results)
-    failures = failures_picture(objects, grasps, executed, config.hand.openings)
+    failures = failures_picture(objects, grasps, executed, grippers_of(trials.hand))
     if failures:
         write_bytes(folder / "failures.png", failures)
     pictured = "failures.png shows the CG grasps that failed" if failures else "no CG grasp failed: no picture"
@@ -171,8 +172,10 @@ def sampled(
 ) -> tuple[list[Grasps], list[Tensor]]:
     """Candidates sampled on the objects' meshes, and their scores."""
     from spgf_torch.experiment.execution import candidate_grasps
+    from spgf_torch.simulation.config import samplers_of
 
-    grasps = [candidate_grasps(obj, config.samples, config.sampler, config.seed) for obj in objects]
+    samplers = samplers_of(config.hand)
+    grasps = [candidate_grasps(obj, config.samples, config.sampler, config.seed, samplers) for obj in objects]
     described = loaded[0].describer.describe(objects, grasps, stages)
     with stages.stage("voting", len(objects), "objects") as advance:
         scores = []
@@ -195,12 +198,13 @@ def proposed(
         loaded: of each object the model that meets it; none of a judge alone.
     """
     from spgf_torch.experiment.execution import candidate_grasps, with_random
+    from spgf_torch.simulation.config import samplers_of
 
-    pairs = []
+    pairs, samplers = [], samplers_of(config.hand)
     with stages.stage("proposing", len(objects), "objects") as advance:
         for index, obj in enumerate(objects):
             found, score = _proposals(loaded[index] if loaded else None, obj, config, judge)
-            random = candidate_grasps(obj, config.random_trials, config.sampler, config.seed)
+            random = candidate_grasps(obj, config.random_trials, config.sampler, config.seed, samplers)
             pairs.append(with_random(found, score, random))
             advance(1)
     return [grasps for grasps, _ in pairs], [score for _, score in pairs]

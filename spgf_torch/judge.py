@@ -27,6 +27,7 @@ def run(config: JudgeConfig, folder: Path) -> None:
             check_folder(key, getattr(config, key), what)
 
     from spgf_torch.cache import Cache
+    from spgf_torch.evaluation.tables import hopeless_types
     from spgf_torch.judging.judge_training import TRIALS, Course, write_tables
     from spgf_torch.judging.settings import stages as plan
     from spgf_torch.judging.validation import executed_table
@@ -38,6 +39,8 @@ def run(config: JudgeConfig, folder: Path) -> None:
         show(note)
     course = Course.of(found.objects, config, cache, stages)
     tables = course.tables()
+    for line in hopeless_types(tables, config.hand.name):
+        show(line)
     judge, own = course.judge(tables)
     if config.trials is None:
         write_tables(tables, folder / TRIALS)

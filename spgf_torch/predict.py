@@ -4,27 +4,28 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spgf_torch.cli.command import run_command
 from spgf_torch.extras import installed, remedy
 from spgf_torch.files.given_paths import check_files, model_and_judge
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.scene.config import PredictConfig
 
 if TYPE_CHECKING:
-    from spgf_torch.hands.records import Grasp
+    import numpy as np
+
+    from spgf_torch.hands.records import Grasp, Gripper
     from spgf_torch.predictor import Predictor
     from spgf_torch.scene.scene import Scene
 
 
-def by_type(grasps: Sequence[Grasp]) -> str:
+def by_type(grasps: Sequence[Grasp], grasp_types: Iterable[str]) -> str:
     """How many there are of each type: `10 NPG, 10 WPG`."""
     counted = Counter(grasp.type for grasp in grasps)
-    return ", ".join(f"{counted[grasp_type]} {grasp_type}" for grasp_type in GRASP_TYPES)
+    return ", ".join(f"{counted[grasp_type]} {grasp_type}" for grasp_type in sorted(grasp_types))
 
 
 def _ranking(predictor: Predictor, votes: Path | None, judge: Path | None, scene: Scene) -> list[str]:
@@ -63,6 +64,33 @@ def _doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> str 
     return f"nothing sure: the best holds with a probability of {best:.0%}, less than {sure:.0%}"
 
 
+def write_files(
+    folder: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper], judge: dict[str, Any] | None
+) -> int:
+    """Write the grasps in every format; returns how many `graspnet.npy` lacks, which holds two-finger jaws alone."""
+    from spgf_torch.formats.graspnet import write_graspnet
+    from spgf_torch.formats.grasps_json import write_grasps
+    from spgf_torch.formats.isaac import write_isaac
+
+    write_grasps(folder / "grasps.json", grasps, grippers, judge)
+    write_isaac(folder / "isaac_grasp.yaml", grasps, grippers)
+    jaws = [grasp for grasp in grasps if grippers[grasp.type].jaw]
+    write_graspnet(folder / "graspnet.npy", jaws, grippers)
+    return len(grasps) - len(jaws)
+
+
+def closings(predictor: Predictor) -> dict[str, np.ndarray]:
+    """Grasp type -> how the shapes of its hand move while it closes, for a page."""
+    from spgf_torch.drawing.page_hands import fractions
+    from spgf_torch.hands.config import HandConfig
+    from spgf_torch.hands.hand import closing_poses, load_hand
+    from spgf_torch.settings import typed
+
+    known = predictor.model or predictor.judged.judge  # type: ignore[union-attr]
+    hand = load_hand(typed(HandConfig, known.settings["hand"]))
+    return {name: closing_poses(hand, name, fractions()) for name in predictor.grippers}
+
+
 def _write_page(
     folder: Path, grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, lines: Sequence[str | None]
 ) -> None:
@@ -75,9 +103,11 @@ def _write_page(
     words: tuple[str, ...] = ()
     if predictor.judged is not None:
         known = [grasp.numbers for grasp in grasps if grasp.numbers is not None]
-        words = tuple(map(weighed_words, weighed(predictor.judged.judge, known)))
+        names = sorted(predictor.grippers)
+        words = tuple(weighed_words(weights, names) for weights in weighed(predictor.judged.judge, known))
     given = tuple(line for line in lines if line)
-    beside = Beside(scene.obstacles.double().numpy(), scene.table, given, scene.notes, words)
+    closing = closings(predictor) if grasps else {}
+    beside = Beside(scene.obstacles.double().numpy(), scene.table, given, scene.notes, words, closing)
     positions, normals = scene.texlets.positions.double().numpy(), scene.texlets.normals.double().numpy()
     pictures = folder / "index.html" if installed("plotly") else None, folder / "grasps.png"
     write_scene_page(*pictures, positions, normals, grasps, predictor.grippers, predictor.names, beside)
@@ -99,9 +129,6 @@ def run(config: PredictConfig, folder: Path) -> None:
 
     from spgf_torch.affordance.model import check_device
     from spgf_torch.drawing.grasp_table import grasp_table
-    from spgf_torch.formats.graspnet import write_graspnet
-    from spgf_torch.formats.grasps_json import write_grasps
-    from spgf_torch.formats.isaac import write_isaac
     from spgf_torch.predictor import Predictor, sensing_of
     from spgf_torch.scene.assembly import read_scene
 
@@ -126,18 +153,19 @@ def run(config: PredictConfig, folder: Path) -> None:
     seconds = time.perf_counter() - start
 
     doubts = _doubts(grasps, predictor, scene)
-    write_grasps(folder / "grasps.json", grasps, predictor.grippers, judge_head(grasps, predictor, scene, judge))
-    write_isaac(folder / "isaac_grasp.yaml", grasps, predictor.grippers)
-    write_graspnet(folder / "graspnet.npy", grasps, predictor.grippers)
+    left = write_files(folder, grasps, predictor.grippers, judge_head(grasps, predictor, scene, judge))
     if len(scene.texlets):
         _write_page(folder, grasps, predictor, scene, (doubts, *(ranking if judge else ())))
     if grasps:
         show(grasp_table(grasps[: config.N], predictor.names, targets=len(scene.targets) > 1))
     if doubts:
         show(doubts)
+    if left:
+        show(f"graspnet.npy: {left} grasps left out, of types that are no two-finger jaw; the other files have them")
     for target in scene.targets if len(scene.targets) > 1 else ():
         show(f"target {target}: {sum(grasp.target == target for grasp in grasps)} grasps")
-    show(f"{len(grasps)} grasps ({by_type(grasps)}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
+    counted = by_type(grasps, predictor.grippers)
+    show(f"{len(grasps)} grasps ({counted}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
     show(_files(folder, bool(len(scene.texlets))))
 
 

@@ -40,7 +40,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
     from spgf_torch.objects.folders import read_objects
     from spgf_torch.simulation.execute import made_with, provenance_of
     from spgf_torch.simulation.generation import Generation, Plan, finished
-    from spgf_torch.simulation.run_state import RunState, rows_of
+    from spgf_torch.simulation.run_state import RunState
     from spgf_torch.simulation.worker import Trials
 
     share, out = share_of(config), Path(config.out) if config.out else folder
@@ -51,9 +51,10 @@ def run(config: SimulateConfig, folder: Path) -> None:
     objects = found.objects[share[0] - 1 :: share[1]]
     trials = Trials(load_hand(config.hand), config.episode)
     provenances = [provenance_of(obj, trials, config.sampler, config.candidates, config.seed) for obj in objects]
-    there = finished(out, provenances)
+    there = finished(out, provenances, trials.grasp_types)
     executor = executor_of(config)
-    run_state = RunState(out, share, made_with(trials, config.sampler, config.candidates, config.seed))
+    made = made_with(trials, config.sampler, config.candidates, config.seed)
+    run_state = RunState(out, share, made, len(trials.grasp_types))
     run_state.left_out = [note for note in found.notes if note.startswith("left out: ")]
     try:
         with run_state.open(provenances):
@@ -61,13 +62,13 @@ def run(config: SimulateConfig, folder: Path) -> None:
             for its in there:
                 run_state.done(its)
             waiting = [pair for pair in zip(objects, provenances, strict=True) if pair[1] not in there]
-            with stages.stage("trials", sum(rows_of(its) for _, its in waiting), "candidates") as advance:
+            with stages.stage("trials", sum(run_state.rows(its) for _, its in waiting), "candidates") as advance:
                 generation = Generation(run_state, Plan(trials, config.chunk, config.failed_as), advance)
                 generation.run(waiting, executor)
     except OSError as error:
         kept = f"{run_state.trials} candidates are kept there, the same call with out={out} goes on"
         raise IncompleteError(f"{out}: expected room to write, got {error.strerror or error}; {kept}") from error
-    tables = _show_rates(out, objects)
+    tables = _show_rates(out, objects, config)
     if generation.trials:
         show(f"{generation.trials / stages.seconds['trials']:.0f} candidates/s")
     show(f"{tables} files in {out}")
@@ -99,20 +100,20 @@ def executor_of(config: SimulateConfig) -> Executor:
     return ProcessExecutor(config.workers, config.time_limit)
 
 
-def _show_rates(out: Path, objects: Sequence[GraspObject]) -> int:
-    """Chance on the objects that have their table; how many these are."""
-    from spgf_torch.evaluation.tables import random_rates
+def _show_rates(out: Path, objects: Sequence[GraspObject], config: SimulateConfig) -> int:
+    """Chance on the objects that have their table, and types that never held; how many objects these are."""
+    from spgf_torch.evaluation.paper import is_papers_hand
+    from spgf_torch.evaluation.tables import hopeless_types, random_rates
     from spgf_torch.simulation.table import read_table, table_path
 
-    rows = []
-    for obj in objects:
-        path = table_path(out, obj.name)
-        if path.exists():
-            table = read_table(path)
-            rows.append((obj.category, table.success, table.grasp_type))
-    if rows:
-        show(random_rates(*zip(*rows, strict=True)))
-    return len(rows)
+    paths = {obj.name: table_path(out, obj.name) for obj in objects}
+    there = [obj for obj in objects if paths[obj.name].exists()]
+    tables = [read_table(paths[obj.name]) for obj in there]
+    if tables:
+        show(random_rates([obj.category for obj in there], tables, is_papers_hand(config.hand)))
+        for line in hopeless_types(tables, config.hand.name):
+            show(line)
+    return len(tables)
 
 
 def _tell(run_state: RunState, objects: Sequence[GraspObject]) -> None:

@@ -49,7 +49,7 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.affordance.model import check_device
     from spgf_torch.cache import Cache
     from spgf_torch.evaluation.files import write_results
-    from spgf_torch.evaluation.tables import calibration_lines, chosen_line, judge_lines, results_table
+    from spgf_torch.evaluation.tables import calibration_lines, chosen_line, hopeless_types, judge_lines, results_table
     from spgf_torch.experiment.dictionary import check_dictionary
     from spgf_torch.objects.folders import read_objects
 
@@ -72,7 +72,8 @@ def run(config: TrainConfig, folder: Path) -> None:
     if course is not None:
         results["judge"] = _judge(course, tables, made, config, folder)
     write_results(folder, {**results, "seconds": {**stages.seconds, "total": time.perf_counter() - start}})
-    for content in (results_table(results), chosen_line(results), *calibration_lines(results), *judge_lines(results)):
+    lines = [chosen_line(results), *calibration_lines(results), *judge_lines(results)]
+    for content in (results_table(results), *lines, *hopeless_types(tables, config.hand.name)):
         show(content)
     show(f"results, model and settings in {folder}" if config.final_model else f"results and settings in {folder}")
     if course is not None:

@@ -13,8 +13,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.hands.config import GRASP_TYPES
-
 # Standard deviation of the prior on each weight: keeps the fit finite where a class of outcomes is absent.
 PRIOR = 10.0
 
@@ -52,16 +50,17 @@ def uncalibrated(base_rate: Tensor) -> Calibration:
 
 
 def fit_calibration(
-    score: Tensor, grasp_type: Tensor, collides: Tensor, success: Tensor, group: Tensor | None = None
+    score: Tensor, grasp_type: Tensor, collides: Tensor, success: Tensor, types: int, group: Tensor | None = None
 ) -> Calibration:
     """Platt scaling on grasps that the scores were not learned from.
 
     Args:
         score: (G,) f32, log-odds. grasp_type: (G,) int64. collides, success: (G,) bool.
+        types: how many grasp types the hand has.
         group: (G,) int64, groups of objects, held out from each other to choose the bend; None: there is none.
     """
     columns = (score, collides, success, torch.zeros_like(grasp_type) if group is None else group)
-    of_types = [[column[grasp_type == code] for column in columns] for code in range(len(GRASP_TYPES))]
+    of_types = [[column[grasp_type == code] for column in columns] for code in range(types)]
     return Calibration(torch.stack([_curve(*its) for its in of_types]).to(score.device))
 
 

@@ -31,7 +31,7 @@ from spgf_torch.files.digests import BLANK, KEY, check_seal, digest_of, sealed, 
 from spgf_torch.files.reading import existing, json_values, unreadable
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.geometry.se3_grid import Kernel, SE3Grid, gaussian_kernel
-from spgf_torch.hands.config import GRASP_TYPES, HandConfig, grasp_types
+from spgf_torch.hands.config import HandConfig, grasp_types
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import typed
@@ -39,7 +39,7 @@ from spgf_torch.settings import typed
 __all__ = ["GraspModel", "learn", "load_model", "model_settings", "save_model", "vote"]
 
 FORMAT = "spgf_torch model"
-SCHEMA = 3
+SCHEMA = 4
 DIGEST = "tensors_sha256"  # key in model.json: SHA-256 of model.safetensors
 LARGEST_HEADER = 1_000_000  # bytes in which model.safetensors says what is in it
 # Tensors of a model in the file; partitions were called slices when the format was made.
@@ -112,7 +112,7 @@ def kernel_of(config: AffordanceConfig) -> Kernel:
 
 
 def learn(
-    examples: Sequence[tuple[CellPairs, Tensor, Tensor]], centres: Tensor, config: AffordanceConfig
+    examples: Sequence[tuple[CellPairs, Tensor, Tensor]], centres: Tensor, config: AffordanceConfig, types: int
 ) -> GraspModel:
     """Particles of all training objects, analysed and condensed; not calibrated.
 
@@ -120,9 +120,10 @@ def learn(
         examples: of each object its pairs, the prototype ids of its features (F,) int64 and the outcomes of its
             grasps (G,) bool.
         centres: (K, D) f32 prototypes.
+        types: how many grasp types the hand has.
     """
     grid, kernel = grid_of(config), kernel_of(config)
-    parts = [shape_grasp_particles(pairs, ids, success) for pairs, ids, success in examples]
+    parts = [shape_grasp_particles(pairs, ids, types, success) for pairs, ids, success in examples]
     condensed = condense(parts, len(centres), grid, kernel, config.min_support)
     return GraspModel(centres, condensed, grid, uncalibrated(condensed.base_rate))
 
@@ -140,12 +141,12 @@ def vote(index: VotingIndex, pairs: CellPairs, ids: Tensor) -> Votes:
     >>> feature, ids, grasps = torch.eye(4)[None], torch.tensor([0]), torch.eye(4).repeat(2, 1, 1)
     >>> grasps[:, :3, 3] = torch.tensor([[0.0, 0.0, 0.05], [0.05, 0.0, 0.0]])
     >>> pairs = cell_pairs(feature, grasps, torch.tensor([0, 0]), config)
-    >>> model = learn([(pairs, ids, torch.tensor([True, False]))], torch.zeros(1, 144), config)
+    >>> model = learn([(pairs, ids, torch.tensor([True, False]))], torch.zeros(1, 144), config, types=1)
     >>> votes = vote(VotingIndex(model.condensed, model.grid), pairs, ids)
     >>> votes.grasp, votes.probability
     (tensor([0, 1]), tensor([1., 0.]))
     """
-    return cast_votes(index, shape_grasp_particles(pairs, ids), pairs.grasp)
+    return cast_votes(index, shape_grasp_particles(pairs, ids, index.condensed.types), pairs.grasp)
 
 
 def save_model(model: GraspModel, folder: Path) -> int:
@@ -160,6 +161,7 @@ def save_model(model: GraspModel, folder: Path) -> int:
     write_bytes(folder / "model.safetensors", content)
     lattice, digest = _lattice_section(model.grid), hashlib.sha256(content).hexdigest()
     document = {"format": FORMAT, "schema": SCHEMA, "lattice": lattice, "settings": model.settings, DIGEST: digest}
+    document["grasp_types"] = list(model.grasp_types)
     write_bytes(folder / "model.json", sealed_json(document, indent=1, sort_keys=True))
     return len(content)
 
@@ -188,7 +190,8 @@ def load_model(folder: Path, device: str = "cpu") -> GraspModel:
     missing = [name for name in _TENSORS if name not in tensors]
     if missing:
         raise InputError(f"{path}: expected the tensors {', '.join(_TENSORS)}; missing {', '.join(missing)}")
-    _check_shapes(path, tensors, width(typed(FeatureConfig, document["settings"]["features"])))
+    D = width(typed(FeatureConfig, document["settings"]["features"]))
+    _check_shapes(path, tensors, D, len(document["grasp_types"]))
     grid = grid_of(typed(AffordanceConfig, document["settings"]["affordance"]))
     _check_values(path, tensors, grid)
     tensors["cell"] = tensors["cell"].int()
@@ -209,18 +212,17 @@ def _check_tensors(path: Path, digest: str | None) -> None:
         raise InputError(f"{path}: expected the tensors that model.json beside it was written with, got others")
 
 
-def _check_shapes(path: Path, tensors: dict[str, Tensor], D: int) -> None:
-    """Raises InputError where the tensors do not belong together, or centres do not have D numbers."""
+def _check_shapes(path: Path, tensors: dict[str, Tensor], D: int, types: int) -> None:
+    """Raises InputError where the tensors are not of so many grasp types, or centres do not have D numbers."""
     for name, tensor in tensors.items():
         whole = name in ("slice_start", "cell")
         if name in _TENSORS and (tensor.is_floating_point() == whole or tensor.is_complex() or not tensor.ndim):
             raise InputError(f"{path}: expected {name} to hold {'whole ' * whole}numbers, got {tensor.dtype}")
     if tensors["centres"].ndim != 2 or tensors["centres"].shape[1] != D or not len(tensors["centres"]):
         raise InputError(f"{path}: expected centres of shape (K, {D}), got {tuple(tensors['centres'].shape)}")
-    partitions, points = len(tensors["centres"]) * len(GRASP_TYPES), int(tensors["slice_start"].reshape(-1)[-1:].sum())
+    partitions, points = len(tensors["centres"]) * types, int(tensors["slice_start"].reshape(-1)[-1:].sum())
     expected: dict[str, tuple[int, ...]] = dict.fromkeys(("cell", "probability", "support"), (points,))
-    expected |= {"slice_start": (partitions + 1,), "base_rate": (len(GRASP_TYPES),)}
-    expected |= {"calibration": (len(GRASP_TYPES), len(NUMBERS))}
+    expected |= {"slice_start": (partitions + 1,), "base_rate": (types,), "calibration": (types, len(NUMBERS))}
     for name, shape in expected.items():
         if tuple(tensors[name].shape) != shape:
             raise InputError(f"{path}: expected {name} of shape {shape}, got {tuple(tensors[name].shape)}")
@@ -273,6 +275,9 @@ def _read_json(path: Path) -> dict[str, Any]:
                 raise InputError(f"expected the lattice {made}, got {document['lattice']}")
         except InputError as error:
             raise InputError(f"{path}: settings.{key}: {error}") from None
+        if room is HandConfig and document.get("grasp_types") != (own := list(grasp_types(config))):
+            got = str(document.get("grasp_types"))[:80]
+            raise InputError(f"{path}: grasp_types: expected those of its hand, {own}, got {got}")
     return document
 
 

@@ -19,7 +19,6 @@ from torch import Tensor
 
 from spgf_torch.affordance.particles import Particles, known_outcomes
 from spgf_torch.geometry.se3_grid import Kernel, SE3Grid
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.ops.neighbourhood_analysis import Queries, Space, Weights, populate
 from spgf_torch.ops.neighbourhood_analysis import analyse as counts_around
 from spgf_torch.ops.neighbourhood_analysis import condense as significant_cells
@@ -40,7 +39,7 @@ class ShapeGraspSpace:
     def of(parts: Sequence[Particles], prototypes: int, grid: SE3Grid) -> ShapeGraspSpace:
         """The space of objects, given the particles of each."""
         partition, cell = [part.partition for part in parts], [part.cell for part in parts]
-        success, partitions = [known_outcomes(part.success) for part in parts], prototypes * len(GRASP_TYPES)
+        success, partitions = [known_outcomes(part.success) for part in parts], prototypes * parts[0].types
         return ShapeGraspSpace(Space(*populate(partition, cell, success, partitions, grid.numbers)))
 
 
@@ -87,6 +86,11 @@ class Condensed:
     support: Tensor
     base_rate: Tensor
 
+    @property
+    def types(self) -> int:
+        """How many grasp types."""
+        return len(self.base_rate)
+
     def partition_of_point(self) -> Tensor:
         """(P,) int64 partition of each point."""
         counts = self.partition_start.diff()
@@ -107,7 +111,7 @@ def condense(
 
 def outcome_counts(particles: Particles, prototypes: int) -> Tensor:
     """(types, 2) int64: successes and particles of each grasp type."""
-    types, success = len(GRASP_TYPES), known_outcomes(particles.success)
+    types, success = particles.types, known_outcomes(particles.success)
     counts = outcomes_of_partitions(particles.partition, success, prototypes * types).view(prototypes, types, 2).sum(0)
     return torch.stack([counts[:, 1], counts.sum(1)], dim=1)
 

@@ -11,7 +11,6 @@ from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.particles import Particles
 from spgf_torch.errors import InputError
 from spgf_torch.geometry.se3_grid import SE3Grid
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.ops.cell_pairs import cell_pairs as pairs_within_reach
 
 # Cells of a grid: 2 GB for the table of one partition.
@@ -72,8 +71,12 @@ def cell_pairs(
     return CellPairs(chosen.int().index_select(0, feature), grasp, cell, grasp_type)
 
 
-def shape_grasp_particles(pairs: CellPairs, ids: Tensor, success: Tensor | None = None) -> Particles:
-    """The particles of one object: ids (F,) int64 of its features, success (G,) bool of its grasps, if it is known."""
-    first = (ids.int() * len(GRASP_TYPES)).index_select(0, pairs.feature)
+def shape_grasp_particles(pairs: CellPairs, ids: Tensor, types: int, success: Tensor | None = None) -> Particles:
+    """The particles of one object, for a hand of so many grasp types.
+
+    Args:
+        ids: (F,) int64 prototypes of its features. success: (G,) bool outcomes of its grasps, if they are known.
+    """
+    first = (ids.int() * types).index_select(0, pairs.feature)
     partition = first.add_(pairs.grasp_type.int().index_select(0, pairs.grasp))
-    return Particles(partition, pairs.cell, None if success is None else success.index_select(0, pairs.grasp))
+    return Particles(partition, pairs.cell, types, None if success is None else success.index_select(0, pairs.grasp))

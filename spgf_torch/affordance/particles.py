@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from spgf_torch.hands.config import GRASP_TYPES
-
 
 @dataclass(frozen=True)
 class Particles:
@@ -19,22 +17,24 @@ class Particles:
         partition (P,) int32: what particles must share to be compared, as one number: prototype * number of types +
             type.
         cell (P,) int32: cell of the SE(3) grid that holds the transform T_feature_grasp.
+        types: how many grasp types the hand has.
         success (P,) bool: outcome of the simulated grasp; None of grasps whose outcome is asked for.
     """
 
     partition: Tensor
     cell: Tensor
+    types: int
     success: Tensor | None = None
 
     @property
     def prototype(self) -> Tensor:
         """(P,) int32: id of a feature's prototype."""
-        return self.partition // len(GRASP_TYPES)
+        return self.partition // self.types
 
     @property
     def grasp_type(self) -> Tensor:
-        """(P,) int32: index into `config.GRASP_TYPES`."""
-        return self.partition % len(GRASP_TYPES)
+        """(P,) int32: index into the hand's grasp types."""
+        return self.partition % self.types
 
 
 def known_outcomes(success: Tensor | None) -> Tensor:
@@ -46,4 +46,5 @@ def known_outcomes(success: Tensor | None) -> Tensor:
 
 def concatenated(parts: Sequence[Particles]) -> Particles:
     """The particles of all parts, in order, without their outcomes."""
-    return Particles(torch.cat([part.partition for part in parts]), torch.cat([part.cell for part in parts]))
+    partition, cell = torch.cat([part.partition for part in parts]), torch.cat([part.cell for part in parts])
+    return Particles(partition, cell, parts[0].types)

@@ -5,7 +5,7 @@ that a grasp have achieved a significant amount of votes)" (section 4): the mean
 grasp's votes, drawn towards 0 by `vote_shrinkage` votes, so that a grasp needs both sure votes and many.
 
 `log_odds`: the mean, over the votes, of log-odds(P) - log-odds(base rate of the grasp's type). It asks how much
-better than usual for its type a grasp is, so that a type that succeeds more often at random does not drown the other
+better than usual for its type a grasp is, so that a type that succeeds more often at random does not drown the others
 (the gap of the paper's Table 1). Support shrinks twice: P is drawn towards the base rate by `shrinkage` particles,
 and the mean towards no evidence by `vote_shrinkage` votes.
 
@@ -26,7 +26,6 @@ from spgf_torch.affordance.calibration import Calibration
 from spgf_torch.affordance.config import NESTED, AffordanceConfig
 from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.affordance.voting import Votes
-from spgf_torch.hands.config import GRASP_TYPES
 
 # The ranking by calibrated probabilities.
 CALIBRATED = "calibrated"
@@ -49,6 +48,7 @@ class GraspScores:
         by_ranking: name of `config.RANKINGS`, of `config.NESTED`, or one that joined -> (G,) f32, higher is better;
             UNSUPPORTED without votes.
         grasp_type (G,) int64; collides (G,) bool: a sensed point lies inside the open hand.
+        types: how many grasp types the hand has.
         chosen: the ranking that was chosen on other objects, if one was.
     """
 
@@ -58,6 +58,7 @@ class GraspScores:
     by_ranking: dict[str, Tensor]
     grasp_type: Tensor
     collides: Tensor
+    types: int
     chosen: str = ""
 
     @property
@@ -94,7 +95,7 @@ def score_grasps(
         "log_odds": log_odds,
         "log_odds_free": log_odds + COLLIDING * collides,
     }
-    return GraspScores(count, mean, mean, by_ranking, grasp_type, collides)
+    return GraspScores(count, mean, mean, by_ranking, grasp_type, collides, len(base_rate))
 
 
 def shrunk_mean(total: Tensor, votes: Tensor, config: AffordanceConfig) -> Tensor:
@@ -111,7 +112,7 @@ def point_gains(condensed: Condensed, config: AffordanceConfig) -> Tensor:
     """(P,) f32: the same of every point, as a vote that finds it."""
     gains = torch.empty_like(condensed.probability)
     for s, (first, end) in enumerate(pairwise(condensed.partition_start.tolist())):
-        base = condensed.base_rate[s % len(GRASP_TYPES)]
+        base = condensed.base_rate[s % condensed.types]
         gains[first:end] = _gain(condensed.probability[first:end], condensed.support[first:end], base, config)
     return gains
 

@@ -17,7 +17,6 @@ from torch import Tensor
 from spgf_torch.affordance.neighbourhood import Condensed, Counts
 from spgf_torch.affordance.particles import Particles
 from spgf_torch.geometry.se3_grid import SE3Grid
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.ops.accumulate_votes import Candidates, Voters, accumulate_votes
 from spgf_torch.ops.look_up_points import NO_POINT, Table, look_up
 
@@ -68,7 +67,7 @@ def cast_votes(index: VotingIndex, points: Particles, grasp: Tensor) -> Votes:
     found = (point != NO_POINT).nonzero()[:, 0]
     point = point.index_select(0, found)
     probability, support = (c.index_select(0, point) for c in (index.condensed.probability, index.condensed.support))
-    prototype = points.partition.index_select(0, found) // len(GRASP_TYPES)
+    prototype = points.partition.index_select(0, found) // index.condensed.types
     return Votes(grasp.index_select(0, found).long(), prototype.long(), probability, support)
 
 
@@ -88,7 +87,7 @@ def vote_totals(
     As pairs and their votes say, but none of these is listed. gain (P,) f32: of a vote that finds the point
     (`ranking.point_gains`).
     """
-    voters = Voters(T_object_feature, ids.long() * len(GRASP_TYPES))
+    voters = Voters(T_object_feature, ids.long() * index.condensed.types)
     candidates = Candidates(T_object_grasp, grasp_type.long())
     votes, total = accumulate_votes(voters, candidates, index.table, gain, index.grid.numbers)
     return VoteTotals(votes, total.float())

@@ -35,7 +35,7 @@ def costs(
     """
     first = min(logits)
     path = work / f"fold{first}" / MODEL
-    network = PointNet(config.network, data.samples.radius, torch.Generator())
+    network = PointNet(config.network, len(data.grasp_types), data.samples.radius, torch.Generator())
     network.load_state_dict(read_tensors(path))
     network = network.to(data.samples.cloud.device).eval()
     calibration, _ = calibrated(data, logits[first], config.N)

@@ -38,6 +38,7 @@ class Data:
         fold: (objects,) int, where each is novel.
         collides: of each (G,) bool, a sensed point inside the open hand.
         taught: of each the rows (C,) int64 of `samples` that may teach.
+        symmetric: (types,) bool, whether half a turn about the approach makes the same grasp.
         describer: how the objects are sensed, and the hand.
     """
 
@@ -47,12 +48,18 @@ class Data:
     collides: Sequence[Tensor]
     samples: Samples
     taught: Sequence[Tensor]
+    symmetric: Tensor
     describer: Describer
 
     def of(self, i: int, rows: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Types, sensed collisions and outcomes of some rows of an object."""
         own, table = rows - self.samples.start[i], self.tables[i]
         return table.grasp_type[own], self.collides[i][own], table.success[own]
+
+    @property
+    def grasp_types(self) -> tuple[str, ...]:
+        """Those of the hand, in the order of the tables' codes."""
+        return self.tables[0].grasp_types
 
     @property
     def digest(self) -> str:
@@ -77,7 +84,9 @@ def read_data(config: BaselineConfig, device: str, stages: ProgressReporter) -> 
     fold = stratified_folds([obj.category for obj in objects], config.folds, config.seed)
     folder, radius = open_export(config, objects, fold)
     shards = shards_of(folder, config.folds)
-    tables = tables_of(objects, config.trials, Trials(load_hand(config.hand), config.episode), config.sampler)
+    hand = load_hand(config.hand)
+    symmetric = torch.tensor([preshape.symmetry == 2 for _, preshape in sorted(hand.preshapes.items())])
+    tables = tables_of(objects, config.trials, Trials(hand, config.episode), config.sampler)
     volumes = open_hand(config.hand)
     features, affordance = settings(FeatureConfig), settings(AffordanceConfig)  # not used: no feature is asked for
     describer = Describer(config.sensing, features, affordance, volumes, config.seed, "cpu", cache)
@@ -89,7 +98,7 @@ def read_data(config: BaselineConfig, device: str, stages: ProgressReporter) -> 
     with stages.stage("reading", len(shards), "shards") as advance:
         samples = load_samples(shards, radius, objects, tables, fold, advance).to(device)
     taught = taught_rows(tables, samples.start, config.trials_per_object, config.seed)
-    return Data(objects, tables, fold, collides, samples, taught, describer)
+    return Data(objects, tables, fold, collides, samples, taught, symmetric, describer)
 
 
 def provenance_of(data: Data, config: BaselineConfig) -> str:

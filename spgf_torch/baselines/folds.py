@@ -24,7 +24,6 @@ from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_order
 from spgf_torch.evaluation.predictions import Predictions, pose_columns
 from spgf_torch.evaluation.success import top_n
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.progress import ProgressReporter, console
 
 MODEL, JUDGED = "model.safetensors", "judged.safetensors"
@@ -91,11 +90,12 @@ def run_fold(
     if not (folder / JUDGED).is_file():
         folder.mkdir(parents=True, exist_ok=True)
         watched = _sampled([data.taught[i] for i in inner], config.learning.inner_grasps, config.seed)
-        task = Task(data.samples, taught, watched, config.augment, config.learning, config.seed + test)
+        task = Task(data.samples, taught, watched, data.symmetric, config.augment, config.learning, config.seed + test)
 
         def make() -> GraspClassifier:
             generator = torch.Generator().manual_seed(config.seed + test)
-            return GraspClassifier(PointNet(config.network, data.samples.radius, generator), task, provenance, tell)
+            network = PointNet(config.network, len(data.grasp_types), data.samples.radius, generator)
+            return GraspClassifier(network, task, provenance, tell)
 
         module = fit(make, folder)
         _keep(
@@ -106,7 +106,7 @@ def run_fold(
     sizes = [*(len(data.tables[i]) for i in novel), *(len(data.taught[i]) for i in inner)]
     logits = dict(zip([*novel, *inner], kept["logit"].split(sizes), strict=True))
     grasp_type, success = data.samples.grasp_type.cpu()[taught], data.samples.success.cpu()[taught].float()
-    rates = torch.stack([success[grasp_type == code].mean() for code in range(len(GRASP_TYPES))]).nan_to_num()
+    rates = torch.stack([success[grasp_type == code].mean() for code in range(len(data.grasp_types))]).nan_to_num()
     return FoldLogits({i: logits[i] for i in novel}, {i: logits[i] for i in inner}, rates, float(kept["seconds"]))
 
 
@@ -151,13 +151,14 @@ def calibrated(data: Data, logits: FoldLogits, n: int) -> tuple[Calibration, str
     Of the inner objects' grasps the same share counts as n is of all.
     """
     known = {i: data.of(i, data.taught[i]) for i in logits.inner}
-    columns = (torch.cat([part[at] for part in known.values()]) for at in range(3))
-    calibration = fit_calibration(torch.cat(list(logits.inner.values())), *columns)
+    grasp_type, collides, success = (torch.cat([part[at] for part in known.values()]) for at in range(3))
+    logit, types = torch.cat(list(logits.inner.values())), data.grasp_types
+    calibration = fit_calibration(logit, grasp_type, collides, success, len(types))
     rates: dict[str, float] = {}
     for i, (grasp_type, collides, success) in known.items():
         best = max(1, round(n * len(success) / len(data.tables[i])))
         for name, score in scores(logits.inner[i], grasp_type, collides, calibration).items():
-            rate = top_n(score.numpy(), success.numpy(), grasp_type.numpy(), best)["CG"]
+            rate = top_n(score.numpy(), success.numpy(), grasp_type.numpy(), best, types)["CG"]
             rates[name] = rates.get(name, 0.0) + rate
     return calibration, max(rates, key=lambda name: rates[name])
 
@@ -184,5 +185,6 @@ def predictions_of(data: Data, logits: dict[int, FoldLogits], n: int) -> list[Pr
                 grasp_type=grasp_type.numpy(),
                 collides=collides.numpy(),
                 pose=pose_columns(data.tables[i].T_object_tcp),
+                grasp_types=data.grasp_types,
             )
     return [found[i] for i in range(len(data.objects))]

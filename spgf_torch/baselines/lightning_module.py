@@ -27,12 +27,14 @@ class Task:
 
     Attributes:
         samples: all trials. teach (T,), inner (I,) int64: rows of them, of objects that teach and of inner ones.
+        symmetric: (types,) bool, of which a mirror image along closing is as good.
         seed: of draws and augmentation; each epoch has its own stream, so that a fit can be resumed at any.
     """
 
     samples: Samples
     teach: Tensor
     inner: Tensor
+    symmetric: Tensor
     augment: AugmentConfig
     learning: LearningConfig
     seed: int
@@ -59,8 +61,9 @@ class Draws:
         weights = balance(known.grasp_type[task.teach].cpu(), known.success[task.teach].cpu())
         drawn = torch.multinomial(weights, task.learning.grasps_per_epoch, replacement=True, generator=here)
         for rows in task.teach[drawn].to(device).split(task.learning.batch_size):
-            cloud = augmented(known.cloud[rows].float(), task.augment, there)
-            yield cloud, known.grasp_type[rows], known.success[rows]
+            grasp_type = known.grasp_type[rows]
+            cloud = augmented(known.cloud[rows].float(), task.symmetric.to(device)[grasp_type], task.augment, there)
+            yield cloud, grasp_type, known.success[rows]
 
 
 @dataclass(frozen=True)

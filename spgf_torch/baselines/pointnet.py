@@ -16,7 +16,6 @@ from torch.nn.functional import binary_cross_entropy_with_logits, one_hot
 
 from spgf_torch.baselines.config import AugmentConfig, NetworkConfig
 from spgf_torch.geometry.se3 import rotation_about
-from spgf_torch.hands.config import GRASP_TYPES
 
 CHUNK = 512  # clouds scored at once: the activations of a layer stay below 100 MB
 
@@ -25,17 +24,17 @@ class PointNet(nn.Module):
     """Logits of success; taught with as many successes as failures of a type, they are log-odds against its base rate.
 
     Args:
-        radius: m, of the clouds: the network's unit of length.
+        types: the number of grasp types. radius: m, of the clouds: the network's unit of length.
         generator: draws the first weights.
     """
 
     radius: Tensor
 
-    def __init__(self, config: NetworkConfig, radius: float, generator: torch.Generator) -> None:
+    def __init__(self, config: NetworkConfig, types: int, radius: float, generator: torch.Generator) -> None:
         super().__init__()
         self.register_buffer("radius", torch.tensor(radius))
-        self.frequencies = config.frequencies
-        self.points = _layers([3 + 6 * config.frequencies + len(GRASP_TYPES), *config.widths], generator)
+        self.frequencies, self.types = config.frequencies, types
+        self.points = _layers([3 + 6 * config.frequencies + types, *config.widths], generator)
         self.head = nn.Sequential(
             _layers([config.widths[-1], *config.head], generator),
             _linear([*config.widths, *config.head][-1], 1, generator),
@@ -43,7 +42,7 @@ class PointNet(nn.Module):
 
     def forward(self, cloud: Tensor, grasp_type: Tensor) -> Tensor:
         """Logits (B,) of clouds (B, P, 3), m, frame tcp, and types (B,) int64."""
-        kind = one_hot(grasp_type, len(GRASP_TYPES)).to(cloud.dtype)
+        kind = one_hot(grasp_type, self.types).to(cloud.dtype)
         told = torch.cat(
             [fourier(cloud / self.radius, self.frequencies), kind[:, None].expand(-1, cloud.shape[1], -1)], 2
         )
@@ -77,14 +76,15 @@ def balanced_loss(logit: Tensor, grasp_type: Tensor, success: Tensor) -> Tensor:
 def balance(grasp_type: Tensor, success: Tensor) -> Tensor:
     """(S,) f64 weights that sum to 1, the same sum for every type and outcome that occurs."""
     kind = 2 * grasp_type + success
-    count = torch.bincount(kind, minlength=2 * len(GRASP_TYPES))
+    count = torch.bincount(kind)
     return 1 / (count[kind].double() * (count > 0).sum())
 
 
-def augmented(cloud: Tensor, config: AugmentConfig, generator: torch.Generator) -> Tensor:
+def augmented(cloud: Tensor, symmetric: Tensor, config: AugmentConfig, generator: torch.Generator) -> Tensor:
     """Clouds (B, P, 3) -> (B, P', 3): fewer points, mirrored, turned and shifted as a whole, each point moved.
 
-    The mirror image is that of x, the closing direction: it exchanges the two fingers.
+    The mirror image is that of x, the closing direction: it exchanges the two fingers of a hand that is `symmetric`
+    (B,) bool; others are not mirrored.
     """
 
     def noise(*shape: int) -> Tensor:
@@ -94,7 +94,8 @@ def augmented(cloud: Tensor, config: AugmentConfig, generator: torch.Generator) 
     chosen = torch.randperm(cloud.shape[1], generator=generator, device=cloud.device)[: config.points]
     moved = cloud[:, chosen]
     if config.mirror:
-        sign = 1 - 2 * (torch.rand(B, 1, generator=generator, device=cloud.device) < 0.5).to(cloud.dtype)
+        half = torch.rand(B, 1, generator=generator, device=cloud.device) < 0.5
+        sign = 1 - 2 * (half & symmetric[:, None]).to(cloud.dtype)
         moved = torch.cat([moved[..., :1] * sign[:, None], moved[..., 1:]], dim=2)
     if config.rotation_deg:
         moved = moved @ rotation_about(math.radians(config.rotation_deg) * noise(B, 3))

@@ -17,7 +17,6 @@ from spgf_torch.files.checks import entry, number, whole
 from spgf_torch.formats.card import CARD, check_files, read_card
 from spgf_torch.formats.samples import Sample, read_samples, shard_name
 from spgf_torch.formats.tar import check_whole
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find
 from spgf_torch.settings import plain
@@ -33,7 +32,7 @@ class Samples:
 
     Attributes:
         cloud: (S, P, 3) f16, m: sensed points in the frame of the TCP. Half precision is 0.03 mm at 10 cm.
-        grasp_type: (S,) int64, index into `config.GRASP_TYPES`. success: (S,) bool.
+        grasp_type: (S,) int64, index into the tables' `grasp_types`. success: (S,) bool.
         start: (objects + 1,) where each object's rows begin, and the end.
         radius: m about the TCP from which the points are.
     """
@@ -122,7 +121,7 @@ def load_samples(
             if (index := whole(sample.index, f"{where}: index")) >= start[i + 1] - start[i]:
                 raise InputError(f"{where}: expected one of {start[i + 1] - start[i]} trials, got index {index}")
             row = start[i] + index
-            _check_trial(sample, int(grasp_type[row]), bool(success[row]), where)
+            _check_trial(sample, tables[i].grasp_types[int(grasp_type[row])], bool(success[row]), where)
             if not len(cloud):
                 cloud = np.empty((start[-1], len(sample.cloud), 3), np.float16)
             if seen[row] or len(sample.cloud) != cloud.shape[1]:
@@ -151,8 +150,8 @@ def _check_objects(listed: Any, objects: Sequence[GraspObject], fold: np.ndarray
         raise InputError(f"{path}: expected the objects of objects=, got {min(found):.80} beside them")
 
 
-def _check_trial(sample: Sample, grasp_type: int, success: bool, where: str) -> None:
-    trial = GRASP_TYPES[grasp_type], success
+def _check_trial(sample: Sample, grasp_type: str, success: bool, where: str) -> None:
+    trial = grasp_type, success
     if (sample.type, bool(sample.label)) != trial:
         expected, got = (
             f"{name} that {'held' if success else 'failed'}" for name, success in (trial, (sample.type, sample.label))

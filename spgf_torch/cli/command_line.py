@@ -20,18 +20,27 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Glob, Override, Quote, QuotedString, RangeSweep
 from hydra.errors import HydraException
 
+from spgf_torch.cli.hand_files import GROUP, option_of, proposed
 from spgf_torch.errors import InputError
 from spgf_torch.files.reading import reason
+from spgf_torch.hands.description_file import is_file_name
 from spgf_torch.paths import root
 
 # Settings that name files or folders, in any command.
 _SCENE = {"input", "model", "intrinsics", "poses", "mask", "segments"}
 _FOLDERS = {"objects", "trials", "own_trials", "runs", "out", "export", "checkpoints", "cache", "baseline", "judge"}
-PATHS = _SCENE | _FOLDERS | {"prototypes_from", "hand.urdf", "hydra.run.dir", "hydra.sweep.dir"}
+PATHS = _SCENE | _FOLDERS | {"prototypes_from", "hand.urdf", "urdf", "hydra.run.dir", "hydra.sweep.dir"}
 # Of these, what may hold numbers instead.
 NUMBERS = frozenset(["intrinsics", "poses"])
 # What a command is about: where a word without a key belongs.
-SUBJECT = {"predict": "input", "report": "runs", "compare": "runs", "export": "format", "baseline": "export"}
+SUBJECT = {
+    "predict": "input",
+    "report": "runs",
+    "compare": "runs",
+    "export": "format",
+    "baseline": "export",
+    "hand": "hand",
+}
 # Keys that are not Python names, or not theirs: as users give them, and as the settings have them.
 ALIASES = {"as": "read_as"}
 # A quoted element of a list, with the blanks around it.
@@ -87,6 +96,8 @@ def _override(command: str, word: str, known: dict[str, Any], sweep: bool) -> st
     if ALIASES.get(name) in known:
         name = ALIASES[name]
     _check_key(command, name, known)
+    if name == GROUP and prefix != "~" and is_file_name(value):
+        name, value = _hand(command, value, sweep)
     if name in PATHS and known.get(name) is not int and prefix != "~":
         read = _paths(name, value, sweep)
         return f"{prefix}{name}={read if name.startswith('hydra.') else _literal(read)}"
@@ -98,6 +109,15 @@ def _override(command: str, word: str, known: dict[str, Any], sweep: bool) -> st
 def _example(command: str, value: str = "FILE") -> str:
     subject = SUBJECT.get(command, "objects")
     return f"such as {subject}={value}"
+
+
+def _hand(command: str, value: str, sweep: bool) -> tuple[str, str]:
+    """Key and value for `hand=FILE`: an option of the group, several of a sweep, or the URDF to describe."""
+    whole = _unquoted(value)
+    if proposed(command, whole):
+        return "urdf", whole
+    parts = [whole] if _exists(whole) or not sweep else _split(value)
+    return GROUP, ",".join(option_of(part) if is_file_name(part) else part for part in parts)
 
 
 # Keys

@@ -11,16 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 from matplotlib.colors import to_hex
 
 from spgf_torch.drawing.grasp_picture import scene_picture
 from spgf_torch.drawing.grasp_scene import CORNERS, Beside, Eye, Scene, pieces, scene_of
 from spgf_torch.drawing.grasp_table import direction, voters
+from spgf_torch.drawing.outline import outline_words
 from spgf_torch.drawing.page import Section, caption, drawn, page, png, table
+from spgf_torch.drawing.page_hands import closing_content, hand_content
 from spgf_torch.drawing.style import SUCCESS_SCALE
 from spgf_torch.files.writing import write_bytes, write_text
-from spgf_torch.hands.records import Grasp, Gripper, gripper_for
+from spgf_torch.hands.records import Grasp, Gripper
 
 Trace = dict[str, Any]
 DIGITS = 1  # of coordinates in mm
@@ -45,7 +46,7 @@ def write_scene_page(
         page_path: None: no page, for which plotly is needed.
         points, normals: (M, 3), m and unit, in the input's frame.
         grasps: best first. grippers: `records.grippers_of` the hand. names: a word for each prototype.
-        beside: obstacles, table, and lines of text.
+        beside: obstacles, table, lines of text, and how the hands close.
 
     Raises:
         InputError: no points, or points and normals of different shapes.
@@ -72,25 +73,30 @@ def _scene_html(scene: Scene, grippers: Mapping[str, Gripper], names: Sequence[s
         for rank, grasp in enumerate(scene.grasps, start=1)
     )
     eyes = "".join(f'<button data-eye="{eye}">{eye}</button>' for eye in _EYES)
-    content = json.dumps(_content(scene, grippers, names, beside.weighed), separators=(",", ":")).replace("</", "<\\/")
+    content = json.dumps(_content(scene, grippers, names, beside), separators=(",", ":")).replace("</", "<\\/")
     folder = files("spgf_torch.drawing")
     styles, script = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("grasp_page.css", "grasp_page.js"))
     return (
         f"<style>\n{styles}</style>"
         + caption(
-            "A fork is the open hand: axis of approach, palm, and two fingers out to their tips; red: it will fail, "
-            "green: it will hold. A chosen grasp shows its whole hand, and the way that it comes."
-            + _surroundings_words(beside)
+            f"{outline_words(grippers, 'their tips')} Red: it will fail, green: it will hold. A chosen grasp shows its "
+            "whole hand, and the way that it comes." + _closing_words(beside) + _surroundings_words(beside)
         )
         + f'<div class="scene"><div class="tools"><label>grasp <select><option>all</option>{options}</select></label>'
         '<button data-step="-1" aria-label="previous">&#9664;</button>'
         f'<button data-step="1" aria-label="next">&#9654;</button>{eyes}'
         '<button data-zoom="0.8" aria-label="nearer">+</button>'
         '<button data-zoom="1.25" aria-label="farther">&minus;</button>'
+        '<label class="close">close <input type="range" min="0" max="1" step="0.01" value="0"></label>'
         '<span class="hint">drag to turn; point at a hand, or click it</span></div>'
         f'<div class="plot"></div><script type="application/json">{content}</script></div>'
         f"<script>\n{script}</script>"
     )
+
+
+def _closing_words(beside: Beside) -> str:
+    """What the slider does; empty where it does nothing."""
+    return " The slider closes it, as far as it could with nothing between its fingers." if beside.closing else ""
 
 
 def _surroundings_words(beside: Beside) -> str:
@@ -100,17 +106,18 @@ def _surroundings_words(beside: Beside) -> str:
 
 
 def _content(
-    scene: Scene, grippers: Mapping[str, Gripper], names: Sequence[str] | None, weighed: Sequence[str]
+    scene: Scene, grippers: Mapping[str, Gripper], names: Sequence[str] | None, beside: Beside
 ) -> dict[str, Any]:
     """What scene.js draws, as plain values; coordinates in mm."""
     colours = [to_hex(colour) for colour in scene.grasp_colours]
-    weights = weighed or [""] * len(scene.grasps)
+    weights = beside.weighed or [""] * len(scene.grasps)
     words = [_words(i + 1, grasp, names, weights[i]) for i, grasp in enumerate(scene.grasps)]
-    hands = [gripper_for(grasp, grippers).shapes for grasp in scene.grasps]
+    shapes = {name: closing_content(gripper, beside.closing.get(name)) for name, gripper in grippers.items()}
     return {
         "cloud": _cloud(scene),
         "outlines": [_outline(*known) for known in zip(scene.outlines, colours, words, strict=True)],
-        "hands": [_hand(*known) for known in zip(hands, scene.grasps, colours, strict=True)],
+        "shapes": shapes if scene.grasps else {},
+        "hands": [hand_content(*known) for known in zip(scene.grasps, colours, strict=True)],
         "approaches": [_approach(grasp, colour) for grasp, colour in zip(scene.grasps, colours, strict=True)],
         "numbers": _numbers(scene),
         "bar": _bar(),
@@ -153,22 +160,11 @@ def _numbers(scene: Scene) -> Trace:
     return {"type": "scatter3d", "mode": "text", **_xyz(at), **look}
 
 
-def _hand(shapes: Sequence[trimesh.Trimesh], grasp: Grasp, colour: str) -> Trace:
-    """The open hand's collision shapes at the grasp."""
-    starts = np.cumsum([0, *(len(shape.vertices) for shape in shapes)])
-    corners = np.concatenate([shape.vertices for shape in shapes])
-    corners = corners @ grasp.T_input_tcp[:3, :3].T + grasp.T_input_tcp[:3, 3]
-    faces = np.concatenate([shape.faces + start for shape, start in zip(shapes, starts[:-1], strict=True)])
-    i, j, k = faces.T.tolist()
-    look = {"color": colour, "opacity": 0.35, "flatshading": True, "hoverinfo": "skip"}
-    return {"type": "mesh3d", **_xyz(corners), "i": i, "j": j, "k": k, **look}
-
-
 def _approach(grasp: Grasp, colour: str) -> Trace:
     """The way of the TCP from where it waits to the grasp."""
     way = np.stack([grasp.T_input_pregrasp[:3, 3], grasp.T_input_tcp[:3, 3]])
     look = {"line": {"color": "#222222", "width": 4, "dash": "dash"}, "marker": {"size": [3, 5], "color": colour}}
-    words = ["the TCP waits here before it approaches", "TCP: midway between the pads"]
+    words = ["the TCP waits here before it approaches", "TCP: between the pads"]
     return {"type": "scatter3d", "mode": "lines+markers", **_xyz(way), **look, "hoverinfo": "text", "text": words}
 
 
@@ -254,7 +250,7 @@ _WEIGHED = (
 )
 _EYES = ("front", "left", "right", "back", "above")
 _FRAMES = (
-    "All positions and directions are in the input's frame. The TCP lies midway between the pads, its z axis is the "
+    "All positions and directions are in the input's frame. The TCP lies between the pads, its z axis is the "
     "approach, its x axis the direction of closing. <code>grasps.json</code> has the poses of the TCP and of the "
     "hand's base link, the joints of the open and of the closed hand, and the pose before the approach."
 )

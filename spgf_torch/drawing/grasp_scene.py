@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from scipy.spatial import cKDTree
 
+from spgf_torch.drawing.outline import outline
 from spgf_torch.drawing.style import MESH, OBSTACLE, TABLE, camera, success_colours
 from spgf_torch.errors import InputError
 from spgf_torch.hands.records import Grasp, Gripper, gripper_for
@@ -54,6 +55,8 @@ class Beside:
         obstacles: (K, 3) m, what else was sensed. table: (4,) a, b, c, d, a x + b y + c z + d the height above it, m.
         lines: of plain text, on how the grasps came about. notes: on the input.
         weighed: of each grasp what a judge weighed, in words; () where none ranked.
+        closing: grasp type -> (F, shapes, 4, 4) of `hands.hand.closing_poses` at `page_hands.fractions`; of types that
+            are not in it hands are shown open alone.
     """
 
     obstacles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
@@ -61,6 +64,7 @@ class Beside:
     lines: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     weighed: tuple[str, ...] = ()
+    closing: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -112,10 +116,11 @@ def scene_of(
     points, normals = points[shown], normals[shown]
     drawn = [(_patches(points, normals), _lit(normals, eye)), *_surroundings(points, beside or Beside(), eye)]
     patches, colours = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
+    outlines = {gripper.type: outline(gripper, FINGER, HANDLE) for gripper in grippers.values()}
     return Scene(
         patches=patches,
         colours=colours,
-        outlines=[_placed(outline(gripper_for(grasp, grippers)), grasp.T_input_tcp) for grasp in grasps],
+        outlines=[_placed(outlines[gripper_for(grasp, grippers).type], grasp.T_input_tcp) for grasp in grasps],
         probability=np.array([grasp.probability for grasp in grasps]),
         grasps=list(grasps),
         eye=eye,
@@ -132,14 +137,6 @@ def look(normals: np.ndarray) -> Eye:
     eyes = [*above, front]
     shown = np.array([np.clip(normals @ eye.towards, 0, None).sum() for eye in eyes])
     return eyes[int(np.argmax(shown >= AS_GOOD * shown.max()))]
-
-
-def outline(gripper: Gripper) -> np.ndarray:
-    """(4, 2, 3) m in the tcp frame: axis of approach, palm, and two fingers, `width` apart, out to their tips."""
-    half = gripper.width / 2
-    palm = [[-half, 0, -FINGER], [half, 0, -FINGER]]
-    fingers = [[[x, 0, -FINGER], [x, 0, gripper.depth]] for x in (-half, half)]
-    return np.array([[[0, 0, -FINGER - HANDLE], [0, 0, -FINGER]], palm, *fingers])
 
 
 def pieces(segments: np.ndarray, longest: float) -> list[np.ndarray]:

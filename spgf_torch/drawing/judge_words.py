@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.proposing.judge_influences import Weight
 
 SHOWN = 3  # numbers that are shown of a grasp
@@ -45,13 +44,17 @@ _WORDS: dict[str, tuple[str, tuple[str, float]]] = {
 }
 
 
-def weighed_words(weights: Sequence[Weight]) -> str:
-    """The numbers that moved the judge most: `+ unseen space in the worse finger 0 % (usual 31 %)`; minus: against."""
+def weighed_words(weights: Sequence[Weight], grasp_types: Sequence[str]) -> str:
+    """The numbers that moved the judge most: `+ unseen space in the worse finger 0 % (usual 31 %)`; minus: against.
+
+    Args:
+        grasp_types: of the judge's hand, sorted.
+    """
     lines = []
     for weight in weights[:SHOWN]:
         words, (form, factor) = _WORDS.get(weight.name, (weight.name, _PLAIN))
         if weight.name == "type":
-            value, usual = (GRASP_TYPES[round(number)] for number in (weight.value, weight.usual))
+            value, usual = (grasp_types[round(number)] for number in (weight.value, weight.usual))
         else:
             value, usual = (form.format(factor * number + 0.0) for number in (weight.value, weight.usual))
         lines.append(f"{'+' if weight.moved > 0 else '-'} {words} {value} (usual {usual})")

@@ -10,6 +10,7 @@ from matplotlib.colors import LinearSegmentedColormap
 
 DPI = 300
 TYPE_COLOURS = {"NPG": "#0072B2", "WPG": "#D55E00", "CG": "#00795A"}
+OTHER_TYPES = ("#E69F00", "#56B4E9", "#CC79A7", "#4b3c0f", "#6a2fb5", "#7fd000")  # of types with other names, in turn
 # Of prototypes by id: Okabe and Ito's, then such as lie far from those before them in CIELAB and from white. The
 # paper's largest K is 25.
 PROTOTYPE_COLOURS = (
@@ -67,6 +68,12 @@ def success_colours(probability: np.ndarray) -> np.ndarray:
 def angle_colours(degrees: np.ndarray) -> np.ndarray:
     """(N, 3) colours of angles to the centre's normal (N,), 0 to 180 deg."""
     return scale(ANGLE_SCALE)(np.clip(degrees / 180, 0, 1))[:, :3]
+
+
+def type_colours(grasp_types: Sequence[str]) -> dict[str, str]:
+    """A colour for each grasp type, and for CG; types with other names than the paper's take turns."""
+    others = [name for name in grasp_types if name not in TYPE_COLOURS]
+    return TYPE_COLOURS | {name: OTHER_TYPES[i % len(OTHER_TYPES)] for i, name in enumerate(others)}
 
 
 def prototype_colours(count: int) -> list[str]:

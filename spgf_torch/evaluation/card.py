@@ -9,12 +9,12 @@ from spgf_torch.affordance.config import NESTED
 from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.reliability import score_table
 from spgf_torch.evaluation.results import KNOWS_MORE, chosen_words
-from spgf_torch.evaluation.success import TYPES
+from spgf_torch.evaluation.success import ALL
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.objects.config import CLASSES
 
 USE = """\
-Rank candidate two-finger grasps of this hand on household-sized rigid objects that were sensed from several sides:
+Rank candidate grasps of this hand on household-sized rigid objects that were sensed from several sides:
 `python -m spgf_torch.evaluate objects=FOLDER model=THIS_FOLDER`. A novel object's local shapes vote through the
 prototypes learned here; each vote carries a probability and the number of trials near it."""
 
@@ -42,6 +42,7 @@ def model_card(results: Mapping[str, Any], config: TrainConfig, objects: int, tr
         objects, trials: how many it was learned from.
         size: bytes of `model.safetensors`.
     """
+    papers = paper.is_papers_hand(config.hand)
     affordance, sensing, described = config.affordance, config.sensing, DESCRIPTORS[config.features.descriptor]
     return f"""\
 # Grasp model, {config.hand.name}, K = {config.K}
@@ -62,16 +63,16 @@ shape-grasp particles within {1000 * affordance.reach:g} mm, neighbourhoods of {
 ## Results on novel objects
 {config.folds}-fold cross-validation over objects: success-rate (%) of the {config.N} highest-ranked grasps, with its
 95 % interval over objects. One seed ({config.seed}): other folds, noise and draws would move the rates, and are not in
-the intervals. CG: both types in one ranking. The model in this folder learned from all objects; these rates are of its
-siblings in the folds.
+the intervals. CG: all grasp types in one ranking. The model in this folder learned from all objects; these rates are of
+its siblings in the folds.
 
-Ranked as in the paper. {paper.OTHER_DATA}
+Ranked as in the paper.{f" {paper.OTHER_DATA}" if papers else ""}
 
-{_rates(results, "paper")}
+{_rates(results, "paper", papers)}
 
 {KNOWS_MORE} Chosen was {chosen_words(results["chosen"])}.
 
-{_rates(results, NESTED)}
+{_rates(results, NESTED, papers)}
 
 Probabilities of success on the candidates of novel objects, beside those of a predictor that knows how often candidates
 with and without a sensed collision succeed, and nothing else:
@@ -96,18 +97,21 @@ def _dictionary(results: Mapping[str, Any]) -> str:
     return f"Its prototypes are those of a model of {about['hand']} (`{about['sha256'][:16]}`);\n{known}.\n\n"
 
 
-def _rates(results: Mapping[str, Any], ranking: str) -> str:
-    """A Markdown table: a row a class; rates by a ranking with intervals, the paper's CG, and chance."""
+def _rates(results: Mapping[str, Any], ranking: str, papers: bool) -> str:
+    """A Markdown table: a row a class; rates by a ranking with intervals, of its hand the paper's CG, and chance."""
     rates, intervals = results["by_ranking"][ranking], results["interval95_by_ranking"][ranking]
-    printed = paper.SUCCESS_RATE.get(results["K"], {})
-    rows = ["| class | " + " | ".join(TYPES) + " | CG, the paper | random NPG | random WPG |", "|---|" + "---|" * 6]
+    printed, single = paper.SUCCESS_RATE.get(results["K"], {}), results["grasp_types"]
+    types = (*single, ALL)
+    head = ["class", *types, *(["CG, the paper"] if papers else []), *(f"random {name}" for name in single)]
+    rows = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
     for name in (name for name in (*CLASSES, "all") if name in rates):
         cells = [
             f"{100 * rates[name][grasp_type]:.1f} ({100 * low:.0f}-{100 * high:.0f})"
-            for grasp_type, (low, high) in ((each, intervals[name][each]) for each in TYPES)
+            for grasp_type, (low, high) in ((each, intervals[name][each]) for each in types)
         ]
-        cells.append(f"{printed[name]['CG']:.1f}" if name in printed else "-")
-        cells += [f"{100 * results['random'][name][grasp_type]:.1f}" for grasp_type in ("NPG", "WPG")]
+        if papers:
+            cells.append(f"{printed[name][ALL]:.1f}" if name in printed else "-")
+        cells += [f"{100 * results['random'][name][grasp_type]:.1f}" for grasp_type in single]
         rows.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(rows)
 

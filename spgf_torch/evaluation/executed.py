@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from spgf_torch.evaluation.reliability import reliability
-from spgf_torch.evaluation.success import Rates, bootstrap_interval, class_means
+from spgf_torch.evaluation.success import ALL, Rates, bootstrap_interval, class_means
 from spgf_torch.experiment.config import EvaluateConfig
 
 SCHEMA = 1
@@ -37,6 +37,7 @@ def executed_results(outcomes: Sequence[ObjectOutcome], config: EvaluateConfig) 
     classes = [o.category for o in outcomes]
     return {
         "schema": SCHEMA,
+        "grasp_types": [name for name in outcomes[0].best if name != ALL],
         "N": config.N,
         "candidates": config.candidates,
         "held_out": config.held_out,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spgf_torch.evaluation.results import object_rates
-from spgf_torch.evaluation.success import TYPES
+from spgf_torch.evaluation.success import ALL
 from spgf_torch.files.digests import digest_of, sealed_json
 from spgf_torch.files.writing import write_bytes, write_text
 
@@ -42,7 +42,7 @@ def write_per_object(path: Path, objects: Sequence[Predictions], n: int) -> None
         blocks = {**rates.by_ranking, "random": rates.random}
         blocks |= {"random_collision_free": rates.random_collision_free, "ceiling": rates.ceiling}
         for block, values in blocks.items():
-            row |= {f"{block}_{name}": round(values[name], DIGITS) for name in TYPES}
+            row |= {f"{block}_{name}": round(values[name], DIGITS) for name in (*obj.grasp_types, ALL)}
         rows.append(row)
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from spgf_torch.hands.config import HandConfig, grasp_types
+
+HAND, TYPES = "sdh2", ("NPG", "WPG")
+
 # K: containers NPG WPG CG, boxes NPG WPG CG, curved NPG WPG CG, all NPG WPG CG.
 _ROWS = {
     5: (48.0, 26.5, 30.5, 12.9, 80.0, 80.0, 6.3, 93.8, 93.8, 24.8, 63.0, 64.6),
@@ -32,6 +36,11 @@ def _table(row: tuple[float | None, ...]) -> dict[str, dict[str, float]]:
         if rate is not None:
             table.setdefault(name, {})[grasp_type] = rate
     return table
+
+
+def is_papers_hand(hand: HandConfig) -> bool:
+    """Whether the paper's rates may stand beside those of a hand: it is the paper's, with its two preshapes."""
+    return hand.name == HAND and grasp_types(hand) == TYPES
 
 
 SUCCESS_RATE = {K: _table(row) for K, row in _ROWS.items()}

@@ -20,14 +20,13 @@ import torch
 
 from spgf_torch.affordance.config import NESTED
 from spgf_torch.errors import InputError
-from spgf_torch.evaluation.success import of_type
+from spgf_torch.evaluation.success import of_each_type
 from spgf_torch.files.checks import name as checked_name
 from spgf_torch.files.digests import BLANK, KEY, check_seal, sealed
 from spgf_torch.files.parquet import parquet_table
 from spgf_torch.files.reading import existing, reason
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.geometry import se3
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.config import CLASSES
 
 if TYPE_CHECKING:
@@ -49,9 +48,10 @@ class Predictions:
         chosen: the ranking that was chosen without this object's fold; "" where nobody says.
         scores: ranking -> (G,) float score of each grasp, -inf without votes; `config.NESTED` is the chosen one.
         probability_before, probability (G,) float: of success, as voted and as calibrated; votes (G,) int.
-        success (G,) bool; grasp_type (G,) int: index into `config.GRASP_TYPES`.
+        success (G,) bool; grasp_type (G,) int: index into `grasp_types`.
         collides (G,) bool: a sensed point lies inside the open hand.
         pose (G, 7) float: T_object_tcp as x y z (m) and quaternion wxyz.
+        grasp_types: names of the hand's grasp types.
     """
 
     name: str
@@ -66,6 +66,7 @@ class Predictions:
     grasp_type: np.ndarray
     collides: np.ndarray
     pose: np.ndarray
+    grasp_types: tuple[str, ...]
 
     @staticmethod
     def of(obj: GraspObject, table: TrialTable, scores: GraspScores, fold: int) -> Predictions:
@@ -83,6 +84,7 @@ class Predictions:
             grasp_type=table.grasp_type.numpy(),
             collides=scores.collides.cpu().numpy(),
             pose=pose_columns(table.T_object_tcp),
+            grasp_types=table.grasp_types,
         )
 
     @cached_property
@@ -91,9 +93,13 @@ class Predictions:
         position, quaternion = torch.from_numpy(self.pose).double().split([3, 4], dim=1)
         return se3.pose(position, quaternion).numpy()
 
+    def of_type(self, name: str) -> np.ndarray:
+        """(G,) bool: which grasps are of a type; CG takes all."""
+        return of_each_type(self.grasp_type, self.grasp_types)[name]
+
     def ranked(self, ranking: str, grasp_type: str, n: int) -> np.ndarray:
-        """Indices of the n highest-ranked grasps of a type (CG: both), best first; ties go to the earlier grasp."""
-        score, among = self.scores[ranking], np.flatnonzero(of_type(self.grasp_type, grasp_type))
+        """Indices of the n highest-ranked grasps of a type (CG: all), best first; ties go to the earlier grasp."""
+        score, among = self.scores[ranking], np.flatnonzero(self.of_type(grasp_type))
         return among[np.argsort(-score[among], kind="stable")[:n]]
 
 
@@ -109,7 +115,7 @@ def write_predictions(path: Path, objects: Sequence[Predictions]) -> None:
         "object": pa.array(np.repeat([o.name for o in objects], sizes)).dictionary_encode(),
         "class": pa.array(np.repeat([o.category for o in objects], sizes)).dictionary_encode(),
         "fold": np.repeat(np.array([o.fold for o in objects], dtype=np.int8), sizes),
-        "type": pa.array(np.array(GRASP_TYPES)[np.concatenate([o.grasp_type for o in objects])]).dictionary_encode(),
+        "type": pa.array(np.concatenate([np.array(o.grasp_types)[o.grasp_type] for o in objects])).dictionary_encode(),
     }
     for name in ("success", "collides"):
         columns[name] = np.concatenate([getattr(o, name) for o in objects])
@@ -156,16 +162,16 @@ def _by_object(columns: Mapping[str, np.ndarray], chosen: Mapping[int, str]) -> 
         raise ValueError("no row")
     starts = np.flatnonzero(np.r_[True, names[1:] != names[:-1]])
     rows = [slice(a, b) for a, b in zip(starts, [*starts[1:], len(names)], strict=True)]
-    return [_of_rows({name: values[part] for name, values in columns.items()}, chosen) for part in rows]
+    words, codes = np.unique(columns["type"].astype(str), return_inverse=True)
+    grasp_types = tuple(checked_name(word, "type") for word in words.tolist())
+    if any(len(np.unique(codes[part])) < len(grasp_types) for part in rows):
+        raise ValueError(f"grasps of each of {', '.join(grasp_types)} on every object")
+    columns = {**columns, "type": codes}
+    return [_of_rows({name: values[part] for name, values in columns.items()}, chosen, grasp_types) for part in rows]
 
 
-def _of_rows(columns: Mapping[str, np.ndarray], chosen: Mapping[int, str]) -> Predictions:
+def _of_rows(columns: Mapping[str, np.ndarray], chosen: Mapping[int, str], grasp_types: tuple[str, ...]) -> Predictions:
     """The predictions on one object. Raises ValueError for columns that hold what was never written."""
-    grasp_type = np.full(len(columns["type"]), -1)
-    for code, name in enumerate(GRASP_TYPES):
-        grasp_type[columns["type"] == name] = code
-    if (grasp_type < 0).any():
-        raise ValueError("unknown grasp type")
     if (category := str(columns["class"][0])) not in CLASSES:
         raise ValueError(f"unknown class {category}")
     for name in ("probability_before", "probability"):
@@ -190,7 +196,8 @@ def _of_rows(columns: Mapping[str, np.ndarray], chosen: Mapping[int, str]) -> Pr
         probability=columns["probability"],
         votes=columns["votes"],
         success=columns["success"].astype(bool),
-        grasp_type=grasp_type,
+        grasp_type=columns["type"],
         collides=columns["collides"].astype(bool),
         pose=pose,
+        grasp_types=grasp_types,
     )

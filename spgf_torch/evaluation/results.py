@@ -24,7 +24,6 @@ from spgf_torch.evaluation.success import (
 )
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.files.reading import json_values
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.config import CLASSES
 
 if TYPE_CHECKING:
@@ -50,27 +49,30 @@ class ObjectRates:
 
 def object_rates(predictions: Predictions, n: int) -> ObjectRates:
     """Top-n success-rates of every ranking on one object, chance and ceiling."""
-    success, grasp_type = predictions.success, predictions.grasp_type
+    success, grasp_type, types = predictions.success, predictions.grasp_type, predictions.grasp_types
     return ObjectRates(
-        {name: top_n(score, success, grasp_type, n) for name, score in predictions.scores.items()},
-        random_rate(success, grasp_type),
-        random_rate(success, grasp_type, ~predictions.collides),
-        ceiling(success, grasp_type, n),
+        {name: top_n(score, success, grasp_type, n, types) for name, score in predictions.scores.items()},
+        random_rate(success, grasp_type, types),
+        random_rate(success, grasp_type, types, ~predictions.collides),
+        ceiling(success, grasp_type, n, types),
     )
 
 
 def build_results(objects: Sequence[Predictions], config: TrainConfig, dataset: str) -> dict[str, Any]:
     """The content of `results.json` but for `seconds`: rates are fractions; `dataset` names objects and trials."""
     classes, rates = [o.category for o in objects], [object_rates(o, config.N) for o in objects]
+    types = objects[0].grasp_types
     rankings = {name: [r.by_ranking[name] for r in rates] for name in objects[0].scores}
     by_ranking = {name: class_means(classes, of_objects) for name, of_objects in rankings.items()}
     intervals = {
         name: bootstrap_interval(classes, of_objects, config.bootstrap, config.seed)
         for name, of_objects in rankings.items()
     }
-    random = class_means(classes, [{name: r.random[name] for name in GRASP_TYPES} for r in rates])
+    random = class_means(classes, [{name: r.random[name] for name in types} for r in rates])
     return {
         "schema": SCHEMA,
+        "hand": config.hand.name,
+        "grasp_types": list(types),
         "K": config.K,
         "N": config.N,
         "seed": config.seed,
@@ -104,7 +106,7 @@ def judge_blocks(
     draws = (config.bootstrap, config.seed)
     mean, interval = paired_difference(classes, rates[JUDGE], rates[NESTED], *draws)
     block = {}
-    for code, name in enumerate(GRASP_TYPES):
+    for code, name in enumerate(objects[0].grasp_types):
         judged = [(o.grasp_type == code) & (o.scores[JUDGE] >= 0) for o in objects]
         p = np.concatenate([o.scores[JUDGE][mask] for o, mask in zip(objects, judged, strict=True)])
         success = np.concatenate([o.success[mask] for o, mask in zip(objects, judged, strict=True)])
@@ -128,7 +130,7 @@ def calibration_block(objects: Sequence[Predictions], free: bool) -> dict[str, d
         free: only on grasps without a sensed collision.
     """
     block: dict[str, dict[str, float]] = {}
-    for code, grasp_type in enumerate(GRASP_TYPES):
+    for code, grasp_type in enumerate(objects[0].grasp_types):
         of_predictor, success = predicted(objects, code, free)
         block[grasp_type] = {"candidates": len(success)}
         for end, probability in of_predictor.items():

@@ -6,49 +6,52 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.config import CLASSES
 
-TYPES = (*GRASP_TYPES, "CG")
+ALL = "CG"  # all grasp types of a hand in one ranking: the paper's combined grasps
 
 Rates = dict[str, float]  # of one object: grasp type or CG -> share of successes
 
 
-def of_type(grasp_type: np.ndarray, name: str) -> np.ndarray:
-    """(G,) bool: which grasps belong to a type; CG takes both."""
-    return np.ones(len(grasp_type), dtype=bool) if name == "CG" else grasp_type == GRASP_TYPES.index(name)
+def of_each_type(grasp_type: np.ndarray, grasp_types: Sequence[str]) -> dict[str, np.ndarray]:
+    """Grasp type, and CG at the end -> (G,) bool: which grasps are of that type; CG takes all."""
+    of_type = {name: grasp_type == code for code, name in enumerate(grasp_types)}
+    return {**of_type, ALL: np.ones(len(grasp_type), dtype=bool)}
 
 
-def top_n(score: np.ndarray, success: np.ndarray, grasp_type: np.ndarray, n: int) -> Rates:
-    """Eq. 10: the share of successes among the n highest-ranked grasps, of each type and of both in one ranking.
+def top_n(score: np.ndarray, success: np.ndarray, grasp_type: np.ndarray, n: int, grasp_types: Sequence[str]) -> Rates:
+    """Eq. 10: the share of successes among the n highest-ranked grasps, of each type and of all in one ranking.
 
     Of fewer than n grasps the share is that of all of them; of none it is 0.
 
     Args:
         score: (G,) float, higher is better; ties go to the earlier grasp.
-        success: (G,) bool. grasp_type: (G,) int.
+        success: (G,) bool. grasp_type: (G,) int, index into `grasp_types`.
     """
     rates = {}
-    for name in TYPES:
-        among = np.flatnonzero(of_type(grasp_type, name))
+    for name, of_type in of_each_type(grasp_type, grasp_types).items():
+        among = np.flatnonzero(of_type)
         best = among[np.argsort(-score[among], kind="stable")[:n]]
         rates[name] = float(success[best].mean()) if len(best) else 0.0
     return rates
 
 
-def random_rate(success: np.ndarray, grasp_type: np.ndarray, among: np.ndarray | None = None) -> Rates:
-    """The share of successes of each type (CG: of both), of all grasps or of those `among` (G,) bool.
+def random_rate(
+    success: np.ndarray, grasp_type: np.ndarray, grasp_types: Sequence[str], among: np.ndarray | None = None
+) -> Rates:
+    """The share of successes of each type (CG: of all), of all grasps or of those `among` (G,) bool.
 
     Where none is among them, picking one at random cannot succeed: 0.
     """
     kept = np.ones(len(success), dtype=bool) if among is None else among
-    chosen = {name: success[kept & of_type(grasp_type, name)] for name in TYPES}
+    chosen = {name: success[kept & of_type] for name, of_type in of_each_type(grasp_type, grasp_types).items()}
     return {name: float(its.mean()) if len(its) else 0.0 for name, its in chosen.items()}
 
 
-def ceiling(success: np.ndarray, grasp_type: np.ndarray, n: int) -> Rates:
+def ceiling(success: np.ndarray, grasp_type: np.ndarray, n: int, grasp_types: Sequence[str]) -> Rates:
     """What the n best grasps by outcome would give: no ranking can do better."""
-    return {name: min(n, int(success[of_type(grasp_type, name)].sum())) / n for name in TYPES}
+    each = of_each_type(grasp_type, grasp_types)
+    return {name: min(n, int(success[of_type].sum())) / n for name, of_type in each.items()}
 
 
 def class_means(classes: Sequence[str], rates: Sequence[Mapping[str, float]]) -> dict[str, Rates]:

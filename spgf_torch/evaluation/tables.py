@@ -13,14 +13,17 @@ from spgf_torch.affordance.config import JUDGE, NESTED
 from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.reliability import PREDICTORS
 from spgf_torch.evaluation.results import KNOWS_MORE, chosen_words
-from spgf_torch.evaluation.success import TYPES, class_means, random_rate
-from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.evaluation.success import ALL, class_means, random_rate
 from spgf_torch.objects.config import CLASSES
+from spgf_torch.simulation.table import OUTCOMES
 
 SHORT = {"containers": "cont"}  # as in the paper's Table 1: the table fits 80 columns
+SUCCESS, COLLISION = OUTCOMES.index("success"), OUTCOMES.index("collision")
+CHECK = "python -m spgf_torch.hand"  # closes a hand without an object, and says what is wrong with it
 
 if TYPE_CHECKING:
     from spgf_torch.objects.scans import Scan
+    from spgf_torch.simulation.table import TrialTable
 
 Block = Mapping[str, Mapping[str, float]]
 
@@ -28,8 +31,8 @@ Block = Mapping[str, Mapping[str, float]]
 def results_table(results: Mapping[str, Any], rankings: Sequence[str] | None = None) -> Table:
     """Table 1 for this K, in percent: the paper's rate, ours by two rankings with 95 % intervals, chance, ceiling.
 
-    A row a class that occurs and type, so that it fits 80 columns. Where each class was learned by itself, the rates
-    printed beside ours are those of the paper's row [*], Thomsen et al. (2015).
+    A row a class that occurs and type, so that it fits 80 columns. The paper's rates stand beside those of its own hand
+    alone; where each class was learned by itself, they are those of its row [*], Thomsen et al. (2015).
 
     Args:
         rankings: at most two; None: `paper` and `nested`, or where a judge ranked `nested` and `judge`.
@@ -38,10 +41,12 @@ def results_table(results: Mapping[str, Any], rankings: Sequence[str] | None = N
     rankings = rankings or ((NESTED, JUDGE) if JUDGE in results["by_ranking"] else ("paper", NESTED))
     classwise = bool(results.get("classwise"))
     printed = paper.CLASSWISE if classwise else paper.SUCCESS_RATE.get(K, {})
+    papers, types = _papers(results), (*results["grasp_types"], ALL)
     table = Table(
         title=f"Success-rate (%) of the {results['N']} highest-ranked grasps on novel objects, K = {K}"
         + (", each class by itself" if classwise else ""),
-        caption=f"(low-high): 95 % interval over objects, of one seed ({results['seed']}). {paper.OTHER_DATA} "
+        caption=f"(low-high): 95 % interval over objects, of one seed ({results['seed']}). "
+        + (f"{paper.OTHER_DATA} " if papers else "")
         + (f"{KNOWS_MORE} " if NESTED in rankings else "")
         + "free: candidates without a sensed collision.",
         box=box.SIMPLE_HEAD,
@@ -51,11 +56,13 @@ def results_table(results: Mapping[str, Any], rankings: Sequence[str] | None = N
     )
     table.add_column("", no_wrap=True)
     named = {"paper": "paper's\nranking", NESTED: "our rank-\ning, nested"}
-    headings = ["[*]\n2015" if classwise else "the\npaper", *(named.get(r, f"ours\n{r}") for r in rankings)]
-    for heading in [*headings, "random\npaper", "random\nours", "random\nfree", "ceil-\ning"]:
+    headings = {"[*]\n2015" if classwise else "the\npaper": papers}
+    headings |= {named.get(r, f"ours\n{r}"): True for r in rankings}
+    headings |= {"random\npaper": papers, "random\nours": True, "random\nfree": True, "ceil-\ning": True}
+    for heading in (heading for heading, shown in headings.items() if shown):
         table.add_column(heading, justify="right", no_wrap=True)
     for name in (name for name in (*CLASSES, "all") if name in results["by_ranking"][rankings[0]]):
-        for grasp_type in TYPES:
+        for grasp_type in types:
             ours = [
                 f"{_percent(results['by_ranking'][ranking], name, grasp_type)} "
                 f"{_interval(results['interval95_by_ranking'][ranking], name, grasp_type)}"
@@ -63,14 +70,14 @@ def results_table(results: Mapping[str, Any], rankings: Sequence[str] | None = N
             ]
             table.add_row(
                 f"{SHORT.get(name, name)} {grasp_type}",
-                _percent(printed, name, grasp_type, scale=1),
+                *([_percent(printed, name, grasp_type, scale=1)] if papers else []),
                 *ours,
-                _percent(paper.RANDOM, name, grasp_type, scale=1),
+                *([_percent(paper.RANDOM, name, grasp_type, scale=1)] if papers else []),
                 *(
                     _percent(results[block], name, grasp_type)
                     for block in ("random", "random_collision_free", "ceiling")
                 ),
-                end_section=grasp_type == TYPES[-1],
+                end_section=grasp_type == ALL,
             )
     return table
 
@@ -112,14 +119,33 @@ def judge_lines(results: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def random_rates(classes: Sequence[str], success: Sequence[Any], grasp_type: Sequence[Any]) -> Table:
-    """Chance in a trial table beside the paper's: of each object its class, success (G,) bool, type (G,) int."""
-    rates = [random_rate(*map(np.asarray, columns)) for columns in zip(success, grasp_type, strict=True)]
-    ours = class_means(classes, [{name: rate[name] for name in GRASP_TYPES} for rate in rates])
-    table = Table("", "paper", "this table", title="Success-rate (%) of a random candidate", box=box.SIMPLE_HEAD)
-    for row in ((category, name) for category in ours for name in GRASP_TYPES):
-        table.add_row(" ".join(row), _percent(paper.RANDOM, *row, scale=1), _percent(ours, *row))
+def random_rates(classes: Sequence[str], tables: Sequence[TrialTable], papers: bool) -> Table:
+    """Chance in the trial tables of objects of these classes; `papers`: beside the paper's, whose hand it is."""
+    types = tables[0].grasp_types
+    rates = [random_rate(its.success.numpy(), its.grasp_type.numpy(), types) for its in tables]
+    ours = class_means(classes, [{name: rate[name] for name in types} for rate in rates])
+    headings = ("", "paper", "this table") if papers else ("", "this table")
+    table = Table(*headings, title="Success-rate (%) of a random candidate", box=box.SIMPLE_HEAD)
+    for row in ((category, name) for category in ours for name in types):
+        theirs = [_percent(paper.RANDOM, *row, scale=1)] if papers else []
+        table.add_row(" ".join(row), *theirs, _percent(ours, *row))
     return table
+
+
+def hopeless_types(tables: Sequence[TrialTable], hand: str) -> list[str]:
+    """A line for each grasp type of which no trial held, over all objects: the hand `hand` is likely to be wrong."""
+    outcome, grasp_type = (
+        np.concatenate([getattr(table, name).numpy() for table in tables]) for name in ("outcome", "grasp_type")
+    )
+    lines = []
+    for code, name in enumerate(tables[0].grasp_types):
+        counts = np.bincount(outcome[grasp_type == code], minlength=len(OUTCOMES))
+        if not counts[SUCCESS]:
+            lines.append(
+                f"NO SUCCESS with the grasp type {name}: of {counts.sum():,} trials none held its object, in "
+                f"{counts[COLLISION]:,} the open hand cut it; check the hand: {CHECK} hand={hand}"
+            )
+    return lines
 
 
 def executed_table(results: Mapping[str, Any]) -> Table:
@@ -127,14 +153,15 @@ def executed_table(results: Mapping[str, Any]) -> Table:
     table = Table(title=f"Held in SAPIEN (%): the {results['N']} highest-ranked grasps, and random candidates")
     table.add_column("object")
     table.add_column("class")
-    for name in ("NPG", "WPG", "CG", "random NPG", "random WPG", "random CG"):
+    types = (*results["grasp_types"], ALL)
+    for name in (*types, *(f"random {name}" for name in types)):
         table.add_column(name, justify="right")
     for row in results["per_object"]:
-        rates = [block[grasp_type] for block in (row, row["random"]) for grasp_type in TYPES]
+        rates = [block[grasp_type] for block in (row, row["random"]) for grasp_type in types]
         table.add_row(row["object"], row["class"], *(f"{100 * rate:.1f}" for rate in rates))
     table.add_section()
     for name, block in results["success_rate"].items():
-        rates = [its[grasp_type] for its in (block, results["random"][name]) for grasp_type in TYPES]
+        rates = [its[grasp_type] for its in (block, results["random"][name]) for grasp_type in types]
         table.add_row("mean", name, *(f"{100 * rate:.1f}" for rate in rates))
     low, high = results["interval95"]["all"]["CG"]
     table.caption = f"CG, all: 95 % interval over objects {100 * low:.0f} to {100 * high:.0f} %"
@@ -159,6 +186,11 @@ def scans_table(scans: Sequence[Scan]) -> Table:
             f"{100 * check.free_space_kept:.1f}",
         )
     return table
+
+
+def _papers(results: Mapping[str, Any]) -> bool:
+    """Whether results are of the paper's hand."""
+    return bool(results["hand"] == paper.HAND and tuple(results["grasp_types"]) == paper.TYPES)
 
 
 def _percent(block: Block, name: str, grasp_type: str, scale: float = 100) -> str:

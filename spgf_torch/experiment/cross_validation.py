@@ -15,7 +15,7 @@ from torch import Tensor
 from spgf_torch.affordance.calibration import Calibration, fit_calibration
 from spgf_torch.affordance.config import RANKINGS
 from spgf_torch.affordance.ranking import GraspScores
-from spgf_torch.experiment.execution import best_grasps
+from spgf_torch.experiment.execution import ranked_grasps
 
 
 def calibrate(scores: Sequence[GraspScores], success: Sequence[Tensor], groups: Sequence[int]) -> Calibration:
@@ -28,7 +28,7 @@ def calibrate(scores: Sequence[GraspScores], success: Sequence[Tensor], groups: 
         torch.cat([getattr(each, name) for each in scores]) for name in ("log_odds", "grasp_type", "collides")
     )
     group = torch.cat([torch.full_like(each.grasp_type, g) for each, g in zip(scores, groups, strict=True)])
-    return fit_calibration(log_odds, grasp_type, collides, torch.cat(list(success)), group)
+    return fit_calibration(log_odds, grasp_type, collides, torch.cat(list(success)), scores[0].types, group)
 
 
 def calibrated_elsewhere(
@@ -41,10 +41,10 @@ def calibrated_elsewhere(
 
 
 def choose(scores: Sequence[GraspScores], success: Sequence[Tensor], n: int) -> str:
-    """The ranking whose n best grasps of both types together succeed most often; the first of equals."""
+    """The ranking whose n best grasps of all types together succeed most often; the first of equals."""
     rates = dict.fromkeys(RANKINGS, 0.0)
     for each, outcomes in zip(scores, success, strict=True):
         for name in rates:
-            best = best_grasps(each.by_ranking[name], each.grasp_type, n)["CG"]
+            best = ranked_grasps(each.by_ranking[name])[:n]
             rates[name] += float(outcomes[best].float().sum()) / max(1, len(best))
     return max(rates, key=lambda name: rates[name])

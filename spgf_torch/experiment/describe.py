@@ -22,7 +22,6 @@ from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor, library
 from spgf_torch.features.interface import VectorFeatures
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.prototypes.config import ConstellationConfig
@@ -47,7 +46,7 @@ class Grasps:
 
     Attributes:
         T_object_tcp: (G, 4, 4) f32, m.
-        grasp_type: (G,) int64, index into `config.GRASP_TYPES`.
+        grasp_type: (G,) int64, index into the hand's grasp types.
     """
 
     T_object_tcp: Tensor
@@ -76,6 +75,11 @@ class Describer:
     device: str = "cpu"
     cache: Cache = field(default_factory=lambda: Cache(None))
     constellations: ConstellationConfig = field(default_factory=ConstellationConfig)
+
+    @property
+    def grasp_types(self) -> tuple[str, ...]:
+        """Names of the hand's grasp types."""
+        return tuple(sorted(self.volumes))
 
     def describe(
         self, objects: Sequence[GraspObject], grasps: Sequence[GraspPoses], stages: ProgressReporter
@@ -181,7 +185,7 @@ class CachedSteps:
             device = self.settings.device
             points, T = self.texlets.positions.to(device), self.grasps.T_object_tcp.to(device)
             collides = torch.zeros(len(T), dtype=torch.bool, device=device)
-            for code, name in enumerate(GRASP_TYPES):
+            for code, name in enumerate(self.settings.grasp_types):
                 of_type = self.grasps.grasp_type.to(device) == code
                 collides[of_type] = sensed_collision(points, T[of_type], self.settings.volumes[name])
             return {"collides": collides}
@@ -198,7 +202,9 @@ class CachedSteps:
         asked, around = self.settings.constellations, None
         if asked.words:
             around = surroundings(self.features.T_object_feature, asked)
-        return DescribedObject(self.features.relations(), self.pairs, self.collides, around=around)
+        return DescribedObject(
+            self.features.relations(), self.pairs, self.collides, self.settings.grasp_types, around=around
+        )
 
     def generator(self, stream: int) -> torch.Generator:
         """The object's own random stream: free of the order of objects."""
@@ -219,4 +225,4 @@ class CachedSteps:
 
 def _key(compute: Callable[..., Any], *parts: Any) -> str:
     """The key of what the function `compute` of another room makes of `parts`."""
-    return fingerprint(code_fingerprint(compute.__module__), Path(__file__).read_bytes(), GRASP_TYPES, *parts)
+    return fingerprint(code_fingerprint(compute.__module__), Path(__file__).read_bytes(), *parts)

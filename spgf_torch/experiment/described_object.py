@@ -9,7 +9,6 @@ from torch import Tensor
 
 from spgf_torch.affordance.pairs import CellPairs
 from spgf_torch.affordance.particles import known_outcomes
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.prototypes.constellations import Surroundings
 
 
@@ -21,6 +20,7 @@ class DescribedObject:
         relations (F, D) f32: the relational part of its features.
         pairs: its features' pairs with the grasps.
         collides (G,) bool: a sensed point lies inside the open hand.
+        grasp_types: names of the hand's grasp types.
         success (G,) bool: how the grasps ended; None where nobody tried them.
         around: the neighbours of its features, where their constellations are asked for.
     """
@@ -28,6 +28,7 @@ class DescribedObject:
     relations: Tensor
     pairs: CellPairs
     collides: Tensor
+    grasp_types: tuple[str, ...]
     success: Tensor | None = None
     around: Surroundings | None = None
 
@@ -37,7 +38,7 @@ class DescribedObject:
 
     @property
     def grasp_type(self) -> Tensor:
-        """(G,) int64: index into `config.GRASP_TYPES`."""
+        """(G,) int64: index into `grasp_types`."""
         return self.pairs.grasp_type
 
     @property
@@ -55,7 +56,7 @@ class DescribedObject:
             return self
         success = None if self.success is None else self.success[chosen]
         pairs = self.pairs.of_grasps(chosen)
-        return DescribedObject(self.relations, pairs, self.collides[chosen], success, self.around)
+        return replace(self, pairs=pairs, collides=self.collides[chosen], success=success)
 
     def sample(self, count: int, generator: torch.Generator) -> Tensor:
         """At most `count` of its grasps, drawn at random: indices (C,) int64, ascending."""
@@ -71,5 +72,5 @@ def sample_of_each_type(grasp_type: Tensor, count: int, generator: torch.Generat
     """At most `count` grasps of each type, of types (G,), drawn at random: indices (C,) int64, ascending."""
     order = torch.randperm(len(grasp_type), generator=generator).to(grasp_type.device)
     shuffled = grasp_type[order]
-    drawn = [order[shuffled == code][:count] for code in range(len(GRASP_TYPES))]
-    return torch.cat(drawn).sort().values
+    drawn = [order[shuffled == code][:count] for code in grasp_type.unique().tolist()]
+    return torch.cat([order[:0], *drawn]).sort().values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,6 @@ from torch import Tensor
 
 from spgf_torch.experiment.config import EvaluateConfig
 from spgf_torch.experiment.describe import Grasps
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.simulation.candidates import sample_candidates
@@ -44,21 +43,25 @@ class Executed:
         return float(self.success[chosen].float().mean()) if len(chosen) else 0.0
 
 
-def candidate_grasps(obj: GraspObject, count: int, sampler: SamplerConfig, seed: int) -> Grasps:
-    """`count` candidates of each type, from the sampler that the trial table was made with."""
+def candidate_grasps(
+    obj: GraspObject, count: int, config: SamplerConfig, seed: int, samplers: Mapping[str, str]
+) -> Grasps:
+    """`count` candidates of each type, by the samplers that the trial table was made with (`config.samplers_of`)."""
     rng = np.random.default_rng([seed, zlib.crc32(obj.name.encode())])
-    poses = [sample_candidates(obj, count, sampler, rng) for _ in GRASP_TYPES]
-    return Grasps(torch.cat(poses), torch.arange(len(GRASP_TYPES)).repeat_interleave(count))
+    poses = [sample_candidates(obj, count, config, rng, sampler) for sampler in samplers.values()]
+    return Grasps(torch.cat(poses), torch.arange(len(samplers)).repeat_interleave(count))
 
 
-def best_grasps(score: Tensor, grasp_type: Tensor, n: int) -> dict[str, Tensor]:
-    """The n highest-ranked grasps of each type and of both together (CG), best first; ties by index.
-
-    Grasps without a vote (score -inf) are none of them.
-    """
+def ranked_grasps(score: Tensor) -> Tensor:
+    """The grasps by their score (G,), best first; ties by index. Those without a vote (-inf) are left out."""
     order = torch.argsort(score, descending=True, stable=True)
-    order = order[score[order] > -torch.inf]
-    best = {name: order[grasp_type[order] == code][:n] for code, name in enumerate(GRASP_TYPES)}
+    return order[score[order] > -torch.inf]
+
+
+def best_grasps(score: Tensor, grasp_type: Tensor, n: int, grasp_types: Sequence[str]) -> dict[str, Tensor]:
+    """The n highest-ranked grasps of each of the types and of all together (CG), as `ranked_grasps`."""
+    order = ranked_grasps(score)
+    best = {name: order[grasp_type[order] == code][:n] for code, name in enumerate(grasp_types)}
     return {**best, "CG": order[:n]}
 
 
@@ -81,13 +84,14 @@ def execute_best(
     stages: ProgressReporter,
 ) -> list[Executed]:
     """Execute the N best grasps of each type, and the first `random_trials` candidates of each: a random sample."""
-    best = [best_grasps(s, g.grasp_type, config.N) for s, g in zip(score, grasps, strict=True)]
+    types = trials.grasp_types
+    best = [best_grasps(s, g.grasp_type, config.N, types) for s, g in zip(score, grasps, strict=True)]
     random = [
-        {name: (g.grasp_type == code).nonzero()[:, 0][: config.random_trials] for code, name in enumerate(GRASP_TYPES)}
+        {name: (g.grasp_type == code).nonzero()[:, 0][: config.random_trials] for code, name in enumerate(types)}
         for g in grasps
     ]
-    chosen = [torch.cat([b[name], r[name]]).unique() for b, r in zip(best, random, strict=True) for name in GRASP_TYPES]
-    pairs = [(i, name) for i in range(len(objects)) for name in GRASP_TYPES]
+    chosen = [torch.cat([b[name], r[name]]).unique() for b, r in zip(best, random, strict=True) for name in types]
+    pairs = [(i, name) for i in range(len(objects)) for name in types]
     requests = [
         (objects[i], name, grasps[i].T_object_tcp[which]) for (i, name), which in zip(pairs, chosen, strict=True)
     ]

@@ -23,14 +23,15 @@ from spgf_torch.simulation.table import TrialTable, read_tables
 def tables_of(objects: Sequence[GraspObject], place: str, trials: Trials, sampler: SamplerConfig) -> list[TrialTable]:
     """The trial tables of objects in the folder `place`, in their order.
 
-    Raises InputError where a table is missing, damaged, or was made with another hand, object, sampler or episode
-    than the settings'. How many candidates and which seed is up to the table, the same for all of its files.
+    Raises InputError where a table is missing, damaged, of other grasp types than the hand's, or was made with another
+    hand, object, sampler or episode than the settings'. How many candidates and which seed is up to the table, the same
+    for all of its files.
     """
     folder = find(place)
     candidates, seed = _made_with(folder / "config.yaml")
     first = provenance_of(objects[0], trials, sampler, candidates, seed)  # all but the object is the same for all
     expected = [replace(first, object_name=obj.name, object_digest=obj.digest) for obj in objects]
-    return read_tables(folder, expected)
+    return read_tables(folder, expected, trials.grasp_types)
 
 
 def dataset_digest(objects: Sequence[GraspObject], tables: Sequence[TrialTable]) -> str:

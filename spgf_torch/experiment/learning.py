@@ -46,7 +46,7 @@ class PrototypeFit:
 def learn_model(examples: Sequence[DescribedObject], centres: Tensor, config: AffordanceConfig) -> GraspModel:
     """Condensed shape-grasp particles (section 3.4) of all examples, given prototypes; not calibrated."""
     parts = [(e.pairs, assign(e.relations, centres), e.outcomes) for e in examples]
-    return learn(parts, centres, config)
+    return learn(parts, centres, config, len(examples[0].grasp_types))
 
 
 def side_by_side(work: Callable[[T], R], items: Iterable[T], advance: Callable[[int], None]) -> list[R]:

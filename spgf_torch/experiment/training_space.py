@@ -24,7 +24,8 @@ class TrainingSpace:
     def __init__(self, objects: Sequence[DescribedObject], centres: Tensor, config: AffordanceConfig) -> None:
         self.centres, self.config = centres, config
         self.grid, self.kernel = grid_of(config), kernel_of(config)
-        parts = [shape_grasp_particles(obj.pairs, self.ids(obj), obj.outcomes) for obj in objects]
+        self.types = len(objects[0].grasp_types)
+        parts = [shape_grasp_particles(obj.pairs, self.ids(obj), self.types, obj.outcomes) for obj in objects]
         self.space = ShapeGraspSpace.of(parts, len(centres), self.grid)
         self.base_rate = base_rates(torch.stack([outcome_counts(part, len(centres)) for part in parts]).sum(0))
 
@@ -34,7 +35,7 @@ class TrainingSpace:
 
     def score_grasps(self, objects: Sequence[DescribedObject]) -> list[GraspScores]:
         """What the training objects say of the grasps on each object."""
-        asked = [shape_grasp_particles(obj.pairs, self.ids(obj)) for obj in objects]
+        asked = [shape_grasp_particles(obj.pairs, self.ids(obj), self.types) for obj in objects]
         points = concatenated(asked)
         counts = analyse(self.space, points, self.grid, self.kernel).split([len(each.cell) for each in asked])
         return [self._scores(*row) for row in zip(counts, asked, objects, strict=True)]

@@ -72,9 +72,9 @@ def write_acronym(folder: Path, trials: TrialSet, advance: Callable[[int], None]
     for gripper in trials.grippers.values():
         (folder / gripper.name).mkdir(parents=True)
         write_joints(folder / gripper.name / JOINTS, gripper)
-    for obj, table in zip(trials.objects, trials.tables, strict=True):
-        for grasp_type, gripper in trials.grippers.items():
-            grasps = grasps_of(table, grasp_type, gripper)
+    for number, (obj, table) in enumerate(zip(trials.objects, trials.tables, strict=True)):
+        for gripper in trials.grippers.values():
+            grasps = grasps_of(trials, number, gripper)
             write_file(folder / gripper.name / file_name(obj), obj, table, gripper, grasps)
         advance(1)
     write_splits(folder / "splits", trials, file_name)

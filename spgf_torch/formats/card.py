@@ -21,7 +21,6 @@ from spgf_torch.files.reading import json_values
 from spgf_torch.formats.common import mesh_file
 from spgf_torch.formats.config import ExportConfig
 from spgf_torch.formats.trial_sets import TrialSet
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.config import CLASSES
 from spgf_torch.paths import find, root
 from spgf_torch.settings import plain
@@ -141,7 +140,7 @@ def rates(trials: TrialSet) -> dict[str, dict[str, dict[str, float]]]:
     blocks = {}
     for name in (*names, "all"):
         tables = [t for obj, t in zip(trials.objects, trials.tables, strict=True) if name in ("all", obj.category)]
-        blocks[name] = {grasp_type: _rate(tables, GRASP_TYPES.index(grasp_type)) for grasp_type in trials.grippers}
+        blocks[name] = {each: _rate(tables, code) for code, each in enumerate(trials.grasp_types)}
     return blocks
 
 
@@ -176,10 +175,10 @@ and shaken: friction {made["episode"]["friction"]:g}, rigid bodies, no table, no
 - `hand/GRIPPER.urdf`: the hand with a root link GRIPPER, of which the grasps are poses; `hand/GRIPPER.json`: its
   joints, open and closed, and the poses of its base link and TCP in that frame
 
-Grippers are {" and ".join(known["grippers"])}: the same hand, opened less and more. Grasps are poses of the gripper in
-the frame of the object's mesh: +z approach, +x closing, origin at the hand's base. Metres, radians. Splits are the
-{known["folds"]} folds of the cross-validation over objects: `splits/.../foldF/valid.txt` names the objects of fold F,
-`train.txt` the others. An `<id>` is the object's name with - for _.
+Grippers are {" and ".join(known["grippers"])}: the same hand, open for each of its grasp types. Grasps are poses of the
+gripper in the frame of the object's mesh: +z approach, +x closing, origin at the hand's base. Metres, radians. Splits
+are the {known["folds"]} folds of the cross-validation over objects: `splits/.../foldF/valid.txt` names the objects of
+fold F, `train.txt` the others. An `<id>` is the object's name with - for _.
 """
 
 
@@ -199,7 +198,7 @@ def _object(trials: TrialSet, i: int) -> dict[str, Any]:
         "mesh": mesh_file(obj),
         "mass": obj.mass,
         "digest": obj.digest,
-        "trials": {grasp_type: _rate([table], GRASP_TYPES.index(grasp_type)) for grasp_type in trials.grippers},
+        "trials": {each: _rate([table], code) for code, each in enumerate(trials.grasp_types)},
     }
 
 

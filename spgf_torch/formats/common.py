@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from trimesh.exchange.obj import export_obj
 
 from spgf_torch.errors import InputError
 from spgf_torch.files.checks import entry, joint_values, name, rigid
-from spgf_torch.files.reading import json_values, text, xml_root
+from spgf_torch.files.reading import json_values, text
 from spgf_torch.formats.trial_sets import TrialSet, gripper_frame
 from spgf_torch.hands.records import Gripper
 
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
 SCHEMA = 1
 DIGITS = 9  # decimals of numbers in text: a nanometre
-MESHES, CLOUDS, HAND = "meshes", "clouds", "hand"
+MESHES, CLOUDS, HAND, PIECES = "meshes", "clouds", "hand", "pieces"
 JOINTS = "joints.json"
 
 
@@ -94,27 +93,35 @@ def write_common(folder: Path, trials: TrialSet, advance: Callable[[int], None])
 
 
 def write_hand(folder: Path, hand: Hand, gripper: Gripper) -> None:
-    """The hand's URDF with one more link, called as the gripper: its root, in the exported gripper frame.
+    """A URDF of the hand with one more link, called as the gripper: its root, in the exported gripper frame.
 
-    So the grasps are poses of a link that any program can load. Mesh files beside the URDF are copied.
+    So the grasps are poses of a link that any program can load. What it collides with are convex shapes; those that
+    were cut out of mesh files stand in `pieces`.
     """
     folder.mkdir(exist_ok=True)
-    robot = xml_root(hand.urdf.read_bytes(), hand.urdf, "a URDF of a hand")
-    T = np.linalg.inv(gripper.T_base_tcp @ gripper_frame(gripper))
-    rpy = Rotation.from_matrix(T[:3, :3]).as_euler("xyz")
+    robot = ElementTree.fromstring(hand.robot.xml)
+    links = {link.get("name"): link for link in robot.iter("link")}
+    joints = {joint.get("name"): joint for joint in robot.iter("joint")}
+    for number, piece in enumerate(piece for piece in hand.robot.collisions if piece.cut):
+        file = folder / PIECES / f"{number}.obj"
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(export_obj(piece.mesh, include_normals=False, digits=DIGITS))
+        shape = ElementTree.SubElement(links[piece.link], "collision")
+        shape.append(_origin(piece.T_link_shape))
+        geometry = ElementTree.SubElement(shape, "geometry")
+        ElementTree.SubElement(geometry, "mesh", filename=f"{PIECES}/{file.name}")
+    for told in hand.robot.joints:
+        if (mimic := told.mimic) is not None:
+            values = {"joint": mimic.of, "multiplier": f"{mimic.ratio:.12g}", "offset": f"{mimic.offset:.12g}"}
+            ElementTree.SubElement(joints[told.name], "mimic", values)
     link = ElementTree.Element("link", name=gripper.name)
     joint = ElementTree.Element("joint", name=f"{gripper.name}_base_joint", type="fixed")
-    ElementTree.SubElement(joint, "origin", xyz=_words(T[:3, 3]), rpy=_words(rpy))
+    joint.append(_origin(np.linalg.inv(gripper.T_base_tcp @ gripper_frame(gripper))))
     ElementTree.SubElement(joint, "parent", link=gripper.name)
     ElementTree.SubElement(joint, "child", link=gripper.base_link)
     robot[:0] = [link, joint]
     ElementTree.indent(robot)
     (folder / f"{gripper.name}.urdf").write_bytes(ElementTree.tostring(robot) + b"\n")
-    for mesh in robot.iter("mesh"):
-        file = Path(mesh.get("filename", ""))
-        if (hand.urdf.parent / file).is_file() and not file.is_absolute() and ".." not in file.parts:
-            (folder / file).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(hand.urdf.parent / file, folder / file)
 
 
 def write_joints(path: Path, gripper: Gripper) -> None:
@@ -167,3 +174,10 @@ def read_split(path: Path) -> list[str]:
 
 def _words(values: np.ndarray) -> str:
     return " ".join(f"{value:.12g}" for value in values + 0.0)
+
+
+def _origin(T: np.ndarray) -> ElementTree.Element:
+    """The element of a pose (4, 4)."""
+    return ElementTree.Element(
+        "origin", xyz=_words(T[:3, 3]), rpy=_words(Rotation.from_matrix(T[:3, :3]).as_euler("xyz"))
+    )

@@ -60,10 +60,10 @@ def write_graspgen(folder: Path, trials: TrialSet, advance: Callable[[int], None
         (folder / "grasp_data" / gripper.name).mkdir(parents=True)
         (folder / "grippers" / f"{gripper.name}.yaml").write_text(gripper_yaml(gripper))
         write_splits(folder / "splits" / gripper.name, trials, mesh_file)
-    for obj, table in zip(trials.objects, trials.tables, strict=True):
-        for grasp_type, gripper in trials.grippers.items():
+    for i, obj in enumerate(trials.objects):
+        for gripper in trials.grippers.values():
             path = folder / "grasp_data" / gripper.name / f"{obj.name}.json"
-            path.write_text(grasps_text(obj, gripper, grasps_of(table, grasp_type, gripper)))
+            path.write_text(grasps_text(obj, gripper, grasps_of(trials, i, gripper)))
         advance(1)
 
 
@@ -89,7 +89,7 @@ def gripper_yaml(gripper: Gripper) -> str:
         "width": gripper.width,
         "depth": rounded(T_gripper_tcp[2, 3]),
         OFFSET: [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]],
-        "symmetric_antipodal": False,
+        "symmetric_antipodal": gripper.symmetry == 2,
         "T_base_link_tcp": rounded(T_gripper_tcp),
     }
     return yaml.safe_dump(known, sort_keys=False, default_flow_style=None, width=200)

@@ -61,12 +61,16 @@ def joints_path(path: Path) -> Path:
 def write_graspnet(path: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper]) -> None:
     """Write predicted grasps, best first, as the (N, 17) array `path` and their joints as `joints_path(path)`.
 
+    Raises InputError for a grasp of another hand than a two-finger jaw, which the array cannot describe.
+
     The score is the probability. graspnetAPI's evaluator takes a width of more than 0.1 m for 0.1 m; it is written as
     it is.
     """
     rows, hands = np.zeros((len(grasps), COLUMNS)), []
     for row, grasp in zip(rows, grasps, strict=True):
         gripper = gripper_for(grasp, grippers)
+        if not gripper.jaw:
+            raise InputError(f"{path}: expected grasps of two-finger jaws, got the type {grasp.type}")
         row[:4] = grasp.probability, gripper.width, gripper.height, gripper.depth
         row[4:13] = (grasp.T_input_tcp[:3, :3] @ GRASPNET_AXES).ravel()
         row[13:16] = grasp.T_input_tcp[:3, 3]
@@ -87,9 +91,9 @@ def write_graspnet_trials(folder: Path, trials: TrialSet, advance: Callable[[int
     for gripper in trials.grippers.values():
         (folder / gripper.name).mkdir(parents=True)
         write_joints(folder / gripper.name / JOINTS, gripper)
-    for number, (obj, table) in enumerate(zip(trials.objects, trials.tables, strict=True)):
-        for grasp_type, gripper in trials.grippers.items():
-            rows = _trial_rows(gripper, grasps_of(table, grasp_type, gripper), number)
+    for number, obj in enumerate(trials.objects):
+        for gripper in trials.grippers.values():
+            rows = _trial_rows(gripper, grasps_of(trials, number, gripper), number)
             np.save(folder / gripper.name / f"{obj.name}.npy", rows, allow_pickle=False)
         advance(1)
     write_splits(folder / "splits", trials, lambda obj: f"{obj.name}.npy")

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from spgf_torch.errors import InputError
-from spgf_torch.files.checks import content, entries, entry, joint_values, number, rigid, whole
+from spgf_torch.files.checks import content, entries, entry, joint_values, name, number, rigid, whole
 from spgf_torch.files.reading import json_of
 from spgf_torch.files.writing import write_text
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.hands.records import Grasp, Gripper, gripper_for
 
 SCHEMA = 1
@@ -44,7 +43,7 @@ def read_grasps(path: Path) -> list[Grasp]:
     """The grasps of a `grasps.json`, in its order. Keys that the contract does not know are passed over.
 
     Raises InputError in one line for a file that is missing, cut off, of another schema or frame, or with a pose that
-    is not rigid, a number that is not finite, a type that does not exist.
+    is not rigid, a number that is not finite, a type that is no name.
     """
     what = f"grasps of schema {SCHEMA}"
     known = json_of(content(path, what), path, what)
@@ -74,9 +73,6 @@ def _plain(grasp: Grasp, gripper: Gripper) -> dict[str, Any]:
 
 
 def _grasp(values: Any, where: str) -> Grasp:
-    grasp_type = entry(values, "type", where)
-    if grasp_type not in GRASP_TYPES:
-        raise InputError(f"{where}.type: expected one of {', '.join(GRASP_TYPES)}; got {grasp_type!r:.40}")
     tcp, base, pregrasp = (
         rigid(entry(values, key, where), f"{where}.{key}")
         for key in ("T_input_tcp", "T_input_base", "T_input_pregrasp")
@@ -84,7 +80,7 @@ def _grasp(values: Any, where: str) -> Grasp:
     opened, closed = (joint_values(entry(values, key, where), f"{where}.{key}") for key in ("joints", "closed"))
     votes = entries(entry(values, "voted_by", where), f"{where}.voted_by")
     return Grasp(
-        type=grasp_type,
+        type=name(entry(values, "type", where), f"{where}.type"),
         probability=number(entry(values, "probability", where), f"{where}.probability", 0.0, 1.0),
         support=whole(entry(values, "support", where), f"{where}.support"),
         T_input_tcp=tcp,

@@ -64,7 +64,7 @@ def write_isaac(
     """Write predicted grasps as grasp_0, grasp_1, ... best first.
 
     `cspace_position` is the closed hand, `pregrasp_cspace_position` the open one of the grasp's type: active joints
-    only. Both types stand in one file, for each grasp brings its own joints.
+    only. All types stand in one file, for each grasp brings its own joints.
     """
     values = {
         "format": FORMAT,
@@ -83,10 +83,10 @@ def write_isaac_trials(folder: Path, trials: TrialSet, advance: Callable[[int], 
     """
     for gripper in trials.grippers.values():
         (folder / gripper.name).mkdir(parents=True)
-    for obj, table in zip(trials.objects, trials.tables, strict=True):
-        for grasp_type, gripper in trials.grippers.items():
+    for i, obj in enumerate(trials.objects):
+        for gripper in trials.grippers.values():
             path = folder / gripper.name / f"{obj.name}.yaml"
-            path.write_text(_trials_text(obj, gripper, grasps_of(table, grasp_type, gripper)))
+            path.write_text(_trials_text(obj, gripper, grasps_of(trials, i, gripper)))
         advance(1)
     write_splits(folder / "splits", trials, lambda obj: f"{obj.name}.yaml")
 

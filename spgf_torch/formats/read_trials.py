@@ -9,6 +9,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.formats.config import ExportConfig
 from spgf_torch.formats.trial_sets import TrialSet
+from spgf_torch.hands.config import grasp_types
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.hands.records import grippers_of
 from spgf_torch.objects.folders import read_objects
@@ -39,7 +40,7 @@ def read_trial_set(config: ExportConfig, stages: ProgressReporter) -> TrialSet:
     if first.hand_digest != hand.digest:
         raise InputError(f"{paths[0]}: expected trials of hand={config.hand.name}, got those of another hand")
     expected = [replace(first, object_name=obj.name, object_digest=obj.digest) for obj in found.objects]
-    tables = read_tables(folder, expected)
+    tables = read_tables(folder, expected, grasp_types(config.hand))
     with stages.stage("sensing", len(found.objects), "objects") as advance:
         texlets = []
         for obj in found.objects:

@@ -4,7 +4,7 @@
 folds. A sample has two files:
 
     KEY.cloud.npy   (P, 3) float32, m: sensed points about the grasp in the frame of its TCP (+z approach, +x closing)
-    KEY.json        {"type": "NPG", "label": 0 or 1, "outcome": ..., "object": ..., "class": ..., "fold": F, "index": i}
+    KEY.json        {"type": ..., "label": 0 or 1, "outcome": ..., "object": ..., "class": ..., "fold": F, "index": i}
 
 KEY is OBJECT_TYPE_i; i is the row of the object's trial table.
 """
@@ -21,12 +21,11 @@ from typing import Any
 import numpy as np
 
 from spgf_torch.errors import InputError
-from spgf_torch.files.checks import entry
+from spgf_torch.files.checks import entry, name
 from spgf_torch.files.reading import json_of, unreadable
 from spgf_torch.formats import tar
 from spgf_torch.formats.config import SamplesConfig
 from spgf_torch.formats.trial_sets import TrialSet
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.config import CLASSES
 from spgf_torch.simulation.table import OUTCOMES
 
@@ -128,7 +127,7 @@ def _clouds(trials: TrialSet, chosen: np.ndarray, config: SamplesConfig, rng: np
 def _about(trials: TrialSet, i: int, row: int) -> dict[str, Any]:
     table, obj = trials.tables[i], trials.objects[i]
     return {
-        "type": GRASP_TYPES[int(table.grasp_type[row])],
+        "type": trials.grasp_types[int(table.grasp_type[row])],
         "label": int(table.success[row]),
         "outcome": OUTCOMES[int(table.outcome[row])],
         "object": obj.name,
@@ -166,8 +165,9 @@ def _cloud(content: bytes, where: str) -> np.ndarray:
 
 def _checked_about(about: Any, where: str) -> tuple[str, int, str, str, str, int, int]:
     values = [entry(about, key, where) for key in ("type", "label", "outcome", "object", "class", "fold", "index")]
-    known = (GRASP_TYPES, (0, 1), OUTCOMES, None, CLASSES)
-    for key, value, options in zip(("type", "label", "outcome", "object", "class"), values, known, strict=False):
+    name(values[0], f"{where}: type")
+    known = ((0, 1), OUTCOMES, None, CLASSES)
+    for key, value, options in zip(("label", "outcome", "object", "class"), values[1:], known, strict=False):
         if options is not None and (value not in options or isinstance(value, bool)):
             raise InputError(f"{where}: {key}: expected one of {', '.join(map(str, options))}; got {value!r:.40}")
     return tuple(values)  # type: ignore[return-value]

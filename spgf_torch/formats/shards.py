@@ -40,7 +40,7 @@ def write_shards(folder: Path, trials: TrialSet, advance: Callable[[int], None])
         with tar.written(folder / shard_name(first // IN_SHARD)) as shard:
             for i, grasp_type in pairs[first : first + IN_SHARD]:
                 obj, gripper = trials.objects[i], trials.grippers[grasp_type]
-                text = grasps_text(obj, gripper, grasps_of(trials.tables[i], grasp_type, gripper))
+                text = grasps_text(obj, gripper, grasps_of(trials, i, gripper))
                 tar.add(shard, f"{uuid(obj, grasp_type)}.{GRASPS}", text.encode())
         advance(len(pairs[first : first + IN_SHARD]))
     (folder / INDEX).write_text(json.dumps(shards, indent=1) + "\n")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.hands.config import grasp_types
 from spgf_torch.hands.records import Gripper
 
 if TYPE_CHECKING:  # predict writes two of the formats, and needs none of these
@@ -38,6 +38,11 @@ class TrialSet:
     notes: Sequence[str] = ()
 
     @property
+    def grasp_types(self) -> tuple[str, ...]:
+        """Those of the hand, in the order of the tables' codes."""
+        return grasp_types(self.hand.config)
+
+    @property
     def trials(self) -> int:
         return sum(len(table) for table in self.tables)
 
@@ -64,8 +69,9 @@ def gripper_frame(gripper: Gripper) -> np.ndarray:
     return T
 
 
-def grasps_of(table: TrialTable, grasp_type: str, gripper: Gripper) -> Grasps:
-    """The trials of one grasp type, as poses of the exported gripper frame."""
-    chosen = np.flatnonzero(table.grasp_type.numpy() == GRASP_TYPES.index(grasp_type))
+def grasps_of(trials: TrialSet, number: int, gripper: Gripper) -> Grasps:
+    """The trials of the object `number` with one gripper, as poses of the exported gripper frame."""
+    table = trials.tables[number]
+    chosen = np.flatnonzero(table.grasp_type.numpy() == trials.grasp_types.index(gripper.type))
     poses = table.T_object_tcp.numpy()[chosen].astype(np.float64) @ gripper_frame(gripper)
     return Grasps(poses, table.success.numpy()[chosen], table.outcome.numpy()[chosen], chosen)

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich import box
 from rich.table import Table
 
+from spgf_torch.errors import InputError
 from spgf_torch.formats.acronym import write_acronym
 from spgf_torch.formats.card import card, write_card
 from spgf_torch.formats.common import write_common
-from spgf_torch.formats.config import ExportConfig
+from spgf_torch.formats.config import FORMATS, ExportConfig
 from spgf_torch.formats.graspgen import write_graspgen
 from spgf_torch.formats.graspnet import write_graspnet_trials
 from spgf_torch.formats.isaac import write_isaac_trials
 from spgf_torch.formats.samples import write_samples
 from spgf_torch.formats.shards import write_shards
 from spgf_torch.formats.trial_sets import TrialSet
+from spgf_torch.hands.records import Gripper
 from spgf_torch.progress import ProgressReporter
 
+# Formats that describe a gripper by the width of its opening: of two fingers that close on each other.
+OF_JAWS = ("acronym", "graspgen", "graspnet")
 # Formats that go object by object.
 WRITERS: dict[str, Callable[[Path, TrialSet, Callable[[int], None]], None]] = {
     "acronym": write_acronym,
@@ -33,7 +37,11 @@ WRITERS: dict[str, Callable[[Path, TrialSet, Callable[[int], None]], None]] = {
 def write_formats(
     folder: Path, trials: TrialSet, formats: Sequence[str], config: ExportConfig, stages: ProgressReporter
 ) -> dict[str, Any]:
-    """Write everything into an empty folder; returns the card."""
+    """Write everything into an empty folder; returns the card.
+
+    Raises InputError where a format for two-finger jaws is asked for, and the hand has a grasp type of another kind.
+    """
+    check_jaws(trials.grippers.values(), formats)
     objects = len(trials.objects)
     with stages.stage("meshes", objects, "objects") as advance:
         write_common(folder, trials, advance)
@@ -49,6 +57,17 @@ def write_formats(
     known = card(trials, config, formats)
     write_card(folder, known)
     return known
+
+
+def check_jaws(grippers: Iterable[Gripper], formats: Sequence[str]) -> None:
+    """InputError where a format holds two-finger jaws alone, and a gripper is none."""
+    others = [gripper for gripper in grippers if not gripper.jaw]
+    if others and (narrow := [name for name in formats if name in OF_JAWS]):
+        rest = ", ".join(name for name in FORMATS if name not in OF_JAWS)
+        raise InputError(
+            f"format: expected {rest} for a hand with the grasp type {others[0].type}, which is no two-finger jaw; "
+            f"got {narrow[0]}"
+        )
 
 
 def rates_table(known: Mapping[str, Any]) -> Table:

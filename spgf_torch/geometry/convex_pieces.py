@@ -31,6 +31,12 @@ RAY_START = 1e-5
 SURFACE_POINTS = 50_000
 # Faces; a patch from this size on is first tried with a tenth of them.
 LARGE_PATCH = 1000
+# Directions over the sphere in which it is looked whether anything is in front of a face.
+DIRECTIONS = 64
+# From one tolerance that is tried to the next.
+FINER = 1.5
+# Cosine between a face's normal and a direction from where on the face is seen from there.
+GRAZING = 0.05
 
 
 class Cutting(Protocol):
@@ -47,6 +53,29 @@ class Cutting(Protocol):
     inset: float
     thickness: float
     max_edge: float
+
+
+@dataclass
+class FewPieces:
+    """How a mesh is cut into few pieces.
+
+    Attributes:
+        tolerance, inset, thickness, max_edge: as of `Cutting`; the tolerance is the least that is tried.
+        coarsest: m, the largest tolerance.
+        slack: m, what the mesh may stand out of its pieces, whatever the tolerance.
+        openness: pieces may fill the space before faces that see less than this share of it (screw holes, hollow
+            backs), and faces that see nothing are left out.
+        most: number of pieces.
+    """
+
+    tolerance: float
+    inset: float
+    thickness: float
+    max_edge: float
+    coarsest: float
+    slack: float
+    openness: float
+    most: int
 
 
 @dataclass(frozen=True)
@@ -69,25 +98,35 @@ class _Surface:
         centre: (F, 3) face centres, on the mesh.
         inner: (F, 3) face centres moved inwards by `thickness`, or through the wall where that is thinner.
         free: (Q, 3) face centres moved outwards by `tolerance`, in the order of x; without those that
-            another part of the surface comes close to.
+            another part of the surface comes close to, and those of faces less open than `openness`.
     """
 
-    def __init__(self, mesh: trimesh.Trimesh, config: Cutting) -> None:
-        self.tolerance = config.tolerance
+    def __init__(self, mesh: trimesh.Trimesh, config: Cutting, openness: float = 0.0, slack: float = np.inf) -> None:
         corners = _without_slivers(_bisected(np.asarray(mesh.triangles, dtype=np.float64), config.max_edge))
+        normal = trimesh.triangles.normals(corners)[0]  # type: ignore[no-untyped-call]
+        open_ = np.ones(len(corners), dtype=bool)
+        if openness:
+            share = open_share(mesh, corners.mean(axis=1), normal)
+            seen = share > 0.0
+            corners, normal, open_ = corners[seen], normal[seen], share[seen] >= openness
         self.centre = centre = corners.mean(axis=1)
-        normal = trimesh.triangles.normals(corners)[0]
         depth = np.clip(_ray_lengths(mesh, centre, -normal), MIN_EXTRUSION, config.thickness)
         self.inner = centre - normal * depth[:, None]
         self.corners = corners - (normal * np.minimum(config.inset, depth / 4)[:, None])[:, None]
-        free = centre + normal * self.tolerance
-        near, _ = surface_tree(mesh).query(free, distance_upper_bound=self.tolerance * 0.95)
-        free = free[np.isinf(near) & (_ray_lengths(mesh, centre, normal) > 2 * self.tolerance)]
+        self._normal, self._open, self._slack, self._tree = normal, open_, slack, surface_tree(mesh)
+        self._ahead = _ray_lengths(mesh, centre, normal)
+        self.keep_free(config.tolerance)
+
+    def keep_free(self, tolerance: float) -> None:
+        self.tolerance = tolerance
+        free = self.centre + self._normal * tolerance
+        near, _ = self._tree.query(free, distance_upper_bound=tolerance * 0.95)
+        free = free[np.isinf(near) & (self._ahead > 2 * tolerance) & self._open]
         self.free = free[np.argsort(free[:, 0])]
 
     def piece(self, points: np.ndarray) -> _Piece | None:
         """The convex piece around `points`, or None where it would fill free space or have too many corners."""
-        hull = convex_hull(points, self.tolerance)
+        hull = convex_hull(points, min(self.tolerance, self._slack))
         corners = points[hull.vertices]
         if len(corners) > MAX_HULL_VERTICES or _holds_any(hull.equations, corners, self.free):
             return None
@@ -111,6 +150,23 @@ def convex_pieces(mesh: trimesh.Trimesh, config: Cutting) -> tuple[np.ndarray, .
     """
     surface = _Surface(mesh, config)
     return tuple(piece.corners for piece in _joined(surface, _halved(surface)))
+
+
+def few_convex_pieces(mesh: trimesh.Trimesh, config: FewPieces) -> tuple[np.ndarray, ...]:
+    """The same with the least tolerance at which there are few pieces; where even the coarsest makes more, those.
+
+    The mesh need not be closed, but its faces have an outer side.
+    """
+    surface = _Surface(mesh, config, config.openness, config.slack)
+    steps = 1 + int(np.log(config.coarsest / config.tolerance) / np.log(FINER))
+    found: list[_Piece] = []
+    for step in reversed(range(steps)):  # a fine one takes ten times as long as a coarse one, and is tried only once
+        surface.keep_free(config.tolerance * FINER**step)
+        pieces = _joined(surface, _halved(surface))
+        if found and len(pieces) > config.most:
+            break
+        found = pieces
+    return tuple(piece.corners for piece in found)
 
 
 def _halved(surface: _Surface) -> list[_Piece]:
@@ -186,7 +242,7 @@ def _holds_any(equations: np.ndarray, corners: np.ndarray, points: np.ndarray) -
 
 
 def lies_below(equations: np.ndarray, points: np.ndarray) -> np.ndarray:
-    return (points @ equations[:, :3].T < -equations[:, 3]).all(axis=1)
+    return np.asarray((points @ equations[:, :3].T < -equations[:, 3]).all(axis=1))
 
 
 def in_box(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -194,7 +250,7 @@ def in_box(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     low, high = corners.min(axis=0), corners.max(axis=0)
     first, last = np.searchsorted(points[:, 0], [low[0], high[0]])
     y, z = points[first:last, 1], points[first:last, 2]
-    return first + np.flatnonzero((y > low[1]) & (y < high[1]) & (z > low[2]) & (z < high[2]))
+    return np.asarray(first) + np.flatnonzero((y > low[1]) & (y < high[1]) & (z > low[2]) & (z < high[2]))
 
 
 def convex_hull(points: np.ndarray, slack: float = 0.0) -> ConvexHull:
@@ -215,6 +271,25 @@ def _ray_lengths(mesh: trimesh.Trimesh, origins: np.ndarray, directions: np.ndar
     lengths = np.full(len(origins), np.inf)
     lengths[ray] = np.linalg.norm(place - origins[ray], axis=1)
     return lengths
+
+
+def open_share(mesh: trimesh.Trimesh, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """(N,) share of the space before surface points that they see: cosine-weighted, 1 of a convex body, 0 inside.
+
+    The directions are those of a Fibonacci lattice.
+    """
+    index = np.arange(DIRECTIONS) + 0.5
+    z, turn = 1.0 - 2.0 * index / DIRECTIONS, np.pi * (1.0 + 5.0**0.5) * index
+    directions = np.column_stack([np.cos(turn) * np.sqrt(1.0 - z * z), np.sin(turn) * np.sqrt(1.0 - z * z), z])
+    free, all_ = np.zeros(len(points)), np.zeros(len(points))
+    for direction in directions:
+        cosine = normals @ direction
+        front = np.flatnonzero(cosine > GRAZING)
+        starts = points[front] + normals[front] * RAY_START
+        hit = mesh.ray.intersects_any(starts, np.tile(direction, (len(front), 1)))  # type: ignore[no-untyped-call]
+        free[front] += cosine[front] * ~hit
+        all_[front] += cosine[front]
+    return free / all_
 
 
 def surface_tree(mesh: trimesh.Trimesh) -> cKDTree:
@@ -240,5 +315,5 @@ def _bisected(corners: np.ndarray, max_edge: float) -> np.ndarray:
 
 def _without_slivers(corners: np.ndarray) -> np.ndarray:
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    area = trimesh.triangles.area(corners)
-    return corners[2 * area > longest * MIN_TRIANGLE_HEIGHT]
+    area = trimesh.triangles.area(corners)  # type: ignore[no-untyped-call]
+    return np.asarray(corners[2 * area > longest * MIN_TRIANGLE_HEIGHT])

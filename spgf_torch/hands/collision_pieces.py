@@ -1,8 +1,7 @@
-"""Collision shapes of links as convex pieces: those that a URDF describes, and meshes, cut where they are not convex."""
+"""Collision shapes of links as convex pieces: those that a URDF describes, and meshes, cut where not convex."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,36 +13,24 @@ from spgf_torch.errors import InputError
 from spgf_torch.extras import needed
 from spgf_torch.files.mesh_files import mesh_arrays
 from spgf_torch.files.reading import unreadable, xml_root
-from spgf_torch.geometry.convex_pieces import MAX_HULL_VERTICES, convex_pieces
+from spgf_torch.geometry.convex_pieces import MAX_HULL_VERTICES, FewPieces, few_convex_pieces, open_share
 from spgf_torch.hands.robot import Collision
 from spgf_torch.hands.urdf_files import mesh_file
 from spgf_torch.hands.urdf_numbers import XML, number, numbers, pose
 
 FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".dae", ".off")
 LARGEST = 2.0  # m; a larger mesh of a hand is taken for millimetres without a scale
-MOST_PIECES = 32  # of one mesh: as many as a scanned object has, and a hand has ten meshes
 SAMPLES = 20_000  # points that stand for a surface: 1 mm apart on a finger
-
-
-@dataclass(frozen=True)
-class HandCutting:
-    """How meshes of hands are cut, m.
-
-    Attributes:
-        tolerance: what a piece may bulge out of the mesh: below the 2 mm between a pad and what it must not touch.
-        inset: pads keep their surface.
-        thickness: twice what PhysX lets a finger sink into an object.
-        max_edge: half the width of a narrow finger.
-    """
-
-    tolerance: float = 0.001
-    inset: float = 0.0
-    thickness: float = 0.005
-    max_edge: float = 0.01
-
-
-COARSER = 1.5  # times the tolerance, while there are more than MOST_PIECES
-COARSEST = 0.005  # m; then they may be more
+CUTTING = FewPieces(
+    tolerance=0.001,  # as the depth below which a surface counts as convex
+    inset=0.0,  # pads stay where they are
+    thickness=0.005,  # ten times what PhysX lets a finger sink into an object
+    max_edge=0.01,  # half the width of a finger
+    coarsest=0.0051,  # the fourth step from 1 mm: more would fill the notch of a fingertip
+    slack=0.0002,  # pads stay flat
+    openness=0.25,  # the bottom of a slot as deep as it is wide sees 0.45, that of a screw hole less than 0.1
+    most=32,  # of one mesh; PhysX's time grows with them
+)
 
 
 def link_collisions(path: Path, link: XML, packages: dict[str, str]) -> list[Collision]:
@@ -126,44 +113,39 @@ def pieces_of(vertices: bytes, faces: bytes) -> tuple[trimesh.Trimesh, ...]:
     """Convex pieces of a mesh of float64 vertices and int64 faces, each closed, of at most MAX_HULL_VERTICES corners.
 
     One, its hull, where no point of the surface lies deeper below it than the tolerance; else those of
-    `geometry.convex_pieces`, with a tolerance that grows until they are few.
+    `geometry.few_convex_pieces`.
     """
     mesh = _merged(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, dtype=np.int64).reshape(-1, 3))
-    cutting = HandCutting()
-    if _depth(mesh) <= cutting.tolerance:
-        return (_few_corners(mesh.vertices),)
-    while True:
-        pieces = convex_pieces(mesh, cutting)
-        if len(pieces) <= MOST_PIECES or cutting.tolerance * COARSER > COARSEST:
-            return tuple(trimesh.Trimesh(piece).convex_hull for piece in pieces)
-        cutting = replace(cutting, tolerance=cutting.tolerance * COARSER)
+    hull = _few_corners(mesh.vertices)
+    if _depth(mesh, hull) <= CUTTING.tolerance:
+        return (hull,)
+    pieces = few_convex_pieces(mesh, CUTTING)
+    return tuple(trimesh.Trimesh(piece).convex_hull for piece in pieces)
 
 
 def _merged(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
-    """One vertex a place, faces that turn the same way round, outwards."""
+    """One vertex a place; of a surface that is not closed, or inside out, faces that look to their more open side."""
     mesh = trimesh.Trimesh(vertices, faces, process=True)
     a, b, c = mesh.faces.T
     mesh.update_faces((a != b) & (b != c) & (c != a))
     mesh.remove_unreferenced_vertices()
-    if not mesh.is_winding_consistent:
-        trimesh.repair.fix_winding(mesh)
-    if mesh.is_watertight and mesh.volume < 0.0:
-        mesh.invert()
-    return mesh
+    if mesh.is_volume:  # closed, turning the same way round, outwards
+        return mesh
+    front = open_share(mesh, mesh.triangles_center, mesh.face_normals)
+    turned = open_share(mesh, mesh.triangles_center, -mesh.face_normals) > front
+    return trimesh.Trimesh(mesh.vertices, np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces), process=False)
 
 
-def _depth(mesh: trimesh.Trimesh) -> float:
+def _depth(mesh: trimesh.Trimesh, hull: trimesh.Trimesh) -> float:
     """How deep the surface lies below its convex hull, m."""
-    equations = ConvexHull(mesh.vertices).equations
     points = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)[0]
-    blocks = np.array_split(points, 1 + len(points) * len(equations) // 10_000_000)
-    return float(max(-(block @ equations[:, :3].T + equations[:, 3]).max(axis=1).min() for block in blocks))
+    above = [(points - corner) @ normal for corner, normal in zip(hull.triangles[:, 0], hull.face_normals, strict=True)]
+    return float(-np.max(above, axis=0).min())
 
 
 def _few_corners(points: np.ndarray) -> trimesh.Trimesh:
     """The hull of `points` without those corners that stand out least, where PhysX could not take it."""
-    slack = 1e-5
-    corners = points[ConvexHull(points).vertices]
+    corners, slack = points[ConvexHull(points).vertices], 1e-5
     while len(corners) > MAX_HULL_VERTICES:
         corners = points[ConvexHull(points, qhull_options=f"Qt W{slack:.9g}").vertices]
         slack *= 1.5

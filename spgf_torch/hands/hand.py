@@ -120,7 +120,7 @@ def _opened(config: HandConfig, name: str, motion: Motion) -> _Opened:
     pads = pads_of(motion, config, told)
     if told.opening is None:
         start = motion.open()
-        return _Opened(told, pads, motion.joints(start), motion.meeting(start))
+        return _Opened(told, pads, motion.joints(start), motion.meeting(start, pads.passed(motion.joints(start))))
     if told.open:
         raise InputError(f"{motion.where}: expected opening or open, got both")
     if len(motion.groups) != 2:

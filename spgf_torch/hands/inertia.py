@@ -25,16 +25,15 @@ def mended_inertial(path: Path, link: XML, shapes: list[Collision], needed: bool
     Args:
         needed: whether a link without a mass gets one.
     """
-    name, given = link.get("name", ""), link.find("inertial")
-    where = f"link {name}: inertial"
+    given, where = link.find("inertial"), f"link {link.get('name')}: inertial"
     mass_element = given.find("mass") if given is not None else None
     mass = number(path, f"{where}: mass", mass_element.get("value")) if mass_element is not None else 0.0
     if given is None or mass <= 0.0:
         if not needed:
             return None, ""
         mass, com, inertia = _from_shapes(shapes, None)
-        words = f"no mass: {mass:.3g} kg assumed" + (f", {DENSITY:g} kg/m3 of its shapes" if shapes else "")
-        return _element(mass, com, inertia), f"link {name} has {words}"
+        what = f"{DENSITY:g} kg/m3 of its shapes" if shapes else f"{LEAST_MASS * 1e3:g} g"
+        return _element(mass, com, inertia), f"no mass, {what} assumed"
     if _possible(_tensor(path, where, given.find("inertia"))):
         kept = ElementTree.Element("inertial")
         kept.extend(deepcopy(part) for part in given if part.tag in ("origin", "mass", "inertia"))
@@ -43,7 +42,7 @@ def mended_inertial(path: Path, link: XML, shapes: list[Collision], needed: bool
     _, com, inertia = _from_shapes(shapes, mass)
     com = T[:3, 3] if given.find("origin") is not None or not shapes else com
     what = "its shapes" if shapes else f"a ball of {DENSITY:g} kg/m3"
-    return _element(mass, com, inertia), f"link {name} has an inertia that no body has: that of {what} assumed"
+    return _element(mass, com, inertia), f"an inertia that no body has, that of {what} assumed"
 
 
 def _tensor(path: Path, where: str, inertia: XML | None) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,6 +19,9 @@ from spgf_torch.hands.robot import Follow, Joint
 
 TURN = 360.0  # deg that a joint may be told to stand at
 STEPS = 60  # of a closing that is looked at without physics: a degree and a half of a finger that turns by 90
+
+# Link poses (4, 4) in the base frame -> whether opposing fingers are beside each other.
+Passed = Callable[[Mapping[str, np.ndarray]], bool]
 
 
 @dataclass(frozen=True)
@@ -77,14 +80,17 @@ class Motion:
                 found.append(self.joints(now))
         return found
 
-    def meeting(self, start: Mapping[str, float]) -> dict[str, float]:
-        """All joint values where two opposing groups first touch, or are nearest to each other."""
+    def meeting(self, start: Mapping[str, float], passed: Passed = lambda links: False) -> dict[str, float]:
+        """All joint values where two opposing groups first touch, or have `passed`, or are nearest to each other."""
         path = self.path(start)
         apart = []
         for joints in path:
-            apart.append(separation(self.shape_groups, self.kinematics.links(joints)))
+            links = self.kinematics.links(joints)
+            apart.append(separation(self.shape_groups, links))
             if apart[-1] <= 0:
                 return self._touching(path[len(apart) - 2], joints) if len(apart) > 1 else joints
+            if passed(links):
+                return joints
         return path[int(np.argmin(apart))]
 
     def _touching(self, before: Mapping[str, float], after: Mapping[str, float]) -> dict[str, float]:

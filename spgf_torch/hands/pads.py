@@ -11,7 +11,7 @@ import numpy as np
 from spgf_torch.errors import InputError
 from spgf_torch.hands.config import HandConfig, PreshapeConfig
 from spgf_torch.hands.fingers import closing_face, projected
-from spgf_torch.hands.motion import Motion
+from spgf_torch.hands.motion import Motion, Passed
 
 TOUCHING = 1e-9  # m between pads that count as one point; what is left of an opening of 0 is rounding
 
@@ -40,6 +40,17 @@ class Pads:
         """(groups, 3): the middle of the pads of each opposing group, in the base frame."""
         pads = self.at(links)
         return np.stack([np.mean([pads[finger] for finger in group], axis=0) for group in self.motion.groups])
+
+    def passed(self, joints: Mapping[str, float]) -> Passed:
+        """Whether two opposing sides have come to the same place along their closing direction in the open hand."""
+        first = self.sides(self.motion.kinematics.links(joints))
+        towards = first[1] - first[0]
+
+        def beside(links: Mapping[str, np.ndarray]) -> bool:
+            sides = self.sides(links)
+            return len(sides) == 2 and float((sides[1] - sides[0]) @ towards) <= 0
+
+        return beside
 
     # Two opposing groups whose joints all close together, by one number: the first joint's value.
 

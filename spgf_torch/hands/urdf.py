@@ -111,7 +111,9 @@ def _passive(path: Path, config: HandConfig, root: str, joints: list[Joint]) -> 
 
     What hangs from a finger's link is a part of that finger, unless the finger is the palm.
     """
-    fingers = {link for links in config.fingers.values() for link in links}
+    fingers = {
+        link for links in config.fingers.values() for link in ([links] if isinstance(links, str) else links or ())
+    }
     if config.passive is not None:
         links = _below(root, joints)
         for name in config.passive:
@@ -129,14 +131,16 @@ def _passive(path: Path, config: HandConfig, root: str, joints: list[Joint]) -> 
 def _inertials(
     path: Path, root: str, links: dict[str, XML], joints: list[Joint], collisions: list[Collision]
 ) -> tuple[dict[str, XML | None], list[str]]:
-    """The `<inertial>` of each link, put right where it has to be, and words for each that was."""
+    """The `<inertial>` of each link, put right where it has to be, and a line for each reason to do so."""
     moving = {joint.child for joint in joints if joint.moves}
-    made, notes = {}, []
+    made: dict[str, XML | None] = {}
+    reasons: dict[str, list[str]] = {}
     for name, link in links.items():
         shapes = [piece for piece in collisions if piece.link == name]
-        made[name], note = mended_inertial(path, link, shapes, needed=name in moving or (bool(shapes) and name != root))
-        notes += [note] if note else []
-    return made, notes
+        made[name], why = mended_inertial(path, link, shapes, needed=name in moving or (bool(shapes) and name != root))
+        if why:
+            reasons.setdefault(why, []).append(name)
+    return made, [f"{path.name}: {', '.join(names)}: {why}" for why, names in reasons.items()]
 
 
 def _link_element(link: XML, inertial: XML | None) -> XML:

@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 import torch
 
-from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.hands.config import grasp_types
 from spgf_torch.hands.hand import Hand
 from spgf_torch.judging.clouds import Cloud, further_clouds
 from spgf_torch.judging.config import JudgeConfig
@@ -24,7 +24,7 @@ def survey(bench: Bench, hand: Hand, search: Search, config: JudgeConfig) -> Row
     trial's own pre-check.
     """
     rng = torch.Generator().manual_seed(zlib.crc32(f"{config.seed}/survey/{bench.obj.name}".encode()))
-    checks = [PreCheck(bench.obj, hand.preshapes[name]) for name in GRASP_TYPES]
+    checks = [PreCheck(bench.obj, hand.preshapes[name]) for name in grasp_types(hand.config)]
     pairs: list[tuple[Cloud, Hypotheses]] = list(zip(bench.clouds, bench.hypotheses, strict=True))
     for cloud in further_clouds(bench.obj, config):
         pairs.append((cloud, search.hypotheses(cloud.seen.texlets, cloud.around)))

@@ -71,7 +71,8 @@ class Course:
         shop, given = Workshop(trials, search, config, cache, stages, executor), None
         fold = _folds(objects, config)
         if config.own_trials is not None:
-            given = read_own(find(config.own_trials), [OwnProvenance.of(obj, trials, config) for obj in objects])
+            expected = [OwnProvenance.of(obj, trials, config) for obj in objects]
+            given = read_own(find(config.own_trials), expected, trials.grasp_types)
         return Course(objects, fold, shop, given)
 
     def tables(self) -> list[TrialTable]:

@@ -15,7 +15,7 @@ import torch
 import trimesh
 from torch import Tensor
 
-from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.hands.config import grasp_types
 from spgf_torch.hands.hand import Hand
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.objects.grasp_object import GraspObject
@@ -35,7 +35,7 @@ def fits(obj: GraspObject, hand: Hand, search: Search, config: JudgeConfig) -> d
     """Whether an object fits the hand: on a table (True), and alone (False)."""
     T, width = opposite_places(obj, config.hypotheses.friction)
     found = []
-    for code, name in enumerate(GRASP_TYPES):
+    for code, name in enumerate(grasp_types(hand.config)):
         region, check = search.hands[code].region, PreCheck(obj, hand.preshapes[name])
         within = T[width <= 2 * (region.half - config.hypotheses.play)]
         its = torch.cat([moved(within, torch.tensor(-share * region.high), torch.zeros(1)) for share in ON_PADS])

@@ -23,7 +23,6 @@ from spgf_torch.files.digests import check_seal
 from spgf_torch.files.parquet import parquet_table
 from spgf_torch.files.reading import json_of, unreadable
 from spgf_torch.geometry import se3
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.training_rows import PICKED, Chosen
 from spgf_torch.objects.grasp_object import GraspObject
@@ -89,6 +88,7 @@ class OwnTrials:
         position (M, 3), quaternion (M, 4) f32, grasp_type (M,), outcome (M,) int64: as in `trials.table.TrialTable`.
         round (M,) int64: from 1. cloud (M,), rank (M,) int64, probability (M,) f32: as in `rows.Chosen`.
         versions: package -> version that made it.
+        grasp_types: names of the hand's grasp types.
     """
 
     provenance: OwnProvenance
@@ -101,15 +101,17 @@ class OwnTrials:
     rank: Tensor
     probability: Tensor
     versions: dict[str, str]
+    grasp_types: tuple[str, ...]
 
     @staticmethod
-    def of(provenance: OwnProvenance, chosen: Chosen, number: int) -> OwnTrials:
+    def of(provenance: OwnProvenance, chosen: Chosen, number: int, grasp_types: tuple[str, ...]) -> OwnTrials:
         """What was chosen in round `number`, none of it tried yet."""
         poses = chosen.poses
         position, quaternion = se3.position_of(poses.T).float(), se3.quaternion_of(poses.T.double()).float()
         outcome, round_ = (torch.full((len(poses),), value) for value in (0, number))
         columns = (position, quaternion, poses.grasp_type, outcome, round_)
-        return OwnTrials(provenance, *columns, chosen.cloud, chosen.rank, chosen.probability, versions())
+        said = chosen.cloud, chosen.rank, chosen.probability
+        return OwnTrials(provenance, *columns, *said, versions(), grasp_types)
 
     @staticmethod
     def together(parts: Sequence[OwnTrials]) -> OwnTrials:
@@ -130,7 +132,7 @@ class OwnTrials:
         return Chosen(poses, self.cloud, self.rank, self.probability)
 
 
-_COLUMNS = [part.name for part in fields(OwnTrials) if part.name not in ("provenance", "versions")]
+_COLUMNS = [part.name for part in fields(OwnTrials) if part.name not in ("provenance", "versions", "grasp_types")]
 
 
 def write_own(folder: Path, own: OwnTrials) -> None:
@@ -142,20 +144,20 @@ def write_own(folder: Path, own: OwnTrials) -> None:
     write_columns(table_path(folder, own.provenance.object_name), columns, {KEY: json.dumps(about, sort_keys=True)})
 
 
-def read_own(folder: Path, expected: Iterable[OwnProvenance]) -> list[OwnTrials]:
-    """The tables of `expected`, in its order.
+def read_own(folder: Path, expected: Iterable[OwnProvenance], grasp_types: tuple[str, ...]) -> list[OwnTrials]:
+    """The tables of `expected`, in its order; `grasp_types`: the hand's.
 
-    Raises InputError where one is missing, damaged, or was made from something else than expected.
+    Raises InputError where one is missing, damaged, of other types, or was made from something else than expected.
     """
     found = []
     for provenance in expected:
-        own = _read(table_path(folder, provenance.object_name))
+        own = _read(table_path(folder, provenance.object_name), grasp_types)
         compare(table_path(folder, provenance.object_name), provenance, own.provenance)  # type: ignore[arg-type]
         found.append(own)
     return found
 
 
-def _read(path: Path) -> OwnTrials:
+def _read(path: Path, grasp_types: tuple[str, ...]) -> OwnTrials:
     if not path.is_file():
         raise InputError(
             f"{path}: expected {WHAT}, got no such file; make it: python -m spgf_torch.judge leaves own_trials/"
@@ -163,7 +165,7 @@ def _read(path: Path) -> OwnTrials:
     check_seal(path, WHAT)
     content = parquet_table(path, WHAT, (*COLUMNS, *WHOLE, "probability"), MOST_ROWS)
     try:
-        own = _decoded(path, content)
+        own = _decoded(path, content, grasp_types)
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, pa.ArrowException) as error:
@@ -173,7 +175,7 @@ def _read(path: Path) -> OwnTrials:
     return own
 
 
-def _decoded(path: Path, content: pa.Table) -> OwnTrials:
+def _decoded(path: Path, content: pa.Table, grasp_types: tuple[str, ...]) -> OwnTrials:
     about = json_of((content.schema.metadata or {}).get(KEY, b"{}"), path, WHAT)
     if about.get("schema") != SCHEMA:
         raise InputError(f"{path}: expected {WHAT}, of schema {SCHEMA}, got {about.get('schema', 'another file')}")
@@ -182,10 +184,11 @@ def _decoded(path: Path, content: pa.Table) -> OwnTrials:
         provenance=OwnProvenance(**about["origin"]),
         position=floats(content, POSITION),
         quaternion=floats(content, QUATERNION),
-        grasp_type=codes_in(path, content, "type", GRASP_TYPES),
+        grasp_type=codes_in(path, content, "type", grasp_types),
         outcome=codes_in(path, content, "outcome", OUTCOMES),
         probability=floats(content, ("probability",))[:, 0],
         versions=about["versions"],
+        grasp_types=grasp_types,
         **whole,
     )
 

@@ -14,7 +14,6 @@ import numpy as np
 import torch
 
 from spgf_torch.cache import Cache
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.own_trials import OwnProvenance, OwnTrials
 from spgf_torch.judging.resumable_trials import tried
@@ -50,9 +49,8 @@ def random_tables(objects: Sequence[GraspObject], shop: Workshop) -> list[TrialT
     """`config.candidates` random trials of each type on each object: the tables that `simulate` would make."""
     config = shop.config
     provenances = [provenance_of(obj, shop.trials, config.sampler, config.candidates, config.seed) for obj in objects]
-    poses = [sample(obj, its) for obj, its in zip(objects, provenances, strict=True)]
-    grasp_type = torch.arange(len(GRASP_TYPES)).repeat_interleave(config.candidates)
-    sampled = [Hypotheses(pose_matrix(each.position, each.quaternion), grasp_type) for each in poses]
+    poses = [sample(obj, its, shop.trials.samplers) for obj, its in zip(objects, provenances, strict=True)]
+    sampled = [Hypotheses(pose_matrix(each.position, each.quaternion), each.grasp_type) for each in poses]
     outcomes = _tried(objects, sampled, shop)
     return [table_of(*parts) for parts in zip(provenances, poses, outcomes, strict=True)]
 
@@ -77,7 +75,8 @@ def own_round(
     drafts = []
     for bench in benches:
         chosen = choose(bench, judges[int(fold[bench.index])], number, shop.config)
-        drafts.append(OwnTrials.of(OwnProvenance.of(bench.obj, shop.trials, shop.config), chosen, number))
+        provenance = OwnProvenance.of(bench.obj, shop.trials, shop.config)
+        drafts.append(OwnTrials.of(provenance, chosen, number, shop.trials.grasp_types))
     outcomes = _tried([bench.obj for bench in benches], [draft.chosen.poses for draft in drafts], shop)
     return [replace(draft, outcome=outcome) for draft, outcome in zip(drafts, outcomes, strict=True)]
 
@@ -122,7 +121,7 @@ def _tried(objects: Sequence[GraspObject], poses: Sequence[Hypotheses], shop: Wo
     """The outcomes (M,) int64 of each object's poses."""
     requests, where = [], []
     for index, (obj, its) in enumerate(zip(objects, poses, strict=True)):
-        for code, kind in enumerate(GRASP_TYPES):
+        for code, kind in enumerate(shop.trials.grasp_types):
             which = (its.grasp_type == code).nonzero()[:, 0]
             if len(which):
                 requests.append((obj, kind, its.T[which]))
@@ -137,7 +136,7 @@ def _tried(objects: Sequence[GraspObject], poses: Sequence[Hypotheses], shop: Wo
 
 def _first(grasp_type: torch.Tensor, count: int) -> torch.Tensor:
     """Indices of the first `count` of each type."""
-    return torch.cat([(grasp_type == code).nonzero()[:count, 0] for code in range(len(GRASP_TYPES))])
+    return torch.cat([(grasp_type == code).nonzero()[:count, 0] for code in grasp_type.unique().tolist()])
 
 
 def _unranked(poses: Hypotheses) -> Chosen:

@@ -10,6 +10,7 @@ from joblib import Parallel, delayed
 
 from spgf_torch.cache import Cache
 from spgf_torch.errors import InputError
+from spgf_torch.hands.hand import load_hand
 from spgf_torch.objects.config import CLASSES, CollisionConfig, ObjectsConfig
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.layouts import Found, has_meshes, recognise
@@ -154,8 +155,8 @@ def _with_hint(error: InputError, meshes: int) -> InputError:
 
 
 def _width(config: ObjectsConfig) -> float:
-    """How far the hand opens, m."""
-    return max(config.hand.openings.values())
+    """How far the hand opens in its widest preshape, m."""
+    return max(preshape.opening for preshape in load_hand(config.hand).preshapes.values())
 
 
 def _count(number: int, what: str) -> str:

@@ -19,6 +19,7 @@ import trimesh
 from spgf_torch.errors import InputError
 from spgf_torch.hands.preshape import Preshape
 from spgf_torch.hands.robot import Robot
+from spgf_torch.simulation.fingers import moving_joints
 from spgf_torch.simulation.precheck import tree, trees_touch
 
 with warnings.catch_warnings():
@@ -28,7 +29,6 @@ with warnings.catch_warnings():
     from sapien.wrapper.articulation_builder import ArticulationBuilder, LinkBuilder
     from sapien.wrapper.urdf_loader import URDFLoader
 
-DENSITY = 1000.0  # kg/m3 of links without an inertia: SAPIEN's own default
 IGNORED = 32  # bits of SAPIEN's collision group that parts what does not collide
 
 
@@ -144,7 +144,7 @@ def _add_pieces(link: _Link, robot: Robot, material: physx.PhysxMaterial) -> Non
 
 def _merged(links: list[_Link], robot: Robot, preshape: Preshape) -> list[_Link]:
     """The bodies that move, parents first; those links that do not are part of them, passive links are left out."""
-    base = links[0]
+    base, moving = links[0], moving_joints(preshape)
     bodies, T_body_link = {base.name: base}, {base.name: sapien.Pose()}
     inertias: dict[str, list[Inertia]] = {base.name: []}
     for link in links[1:]:
@@ -152,20 +152,22 @@ def _merged(links: list[_Link], robot: Robot, preshape: Preshape) -> list[_Link]
             continue
         joint, body = link.joint_record, bodies[link.parent.name]
         joint.pose_in_parent = T_body_link[link.parent.name] * joint.pose_in_parent
-        if joint.name in preshape.drives:
+        if joint.name in moving:
             link.parent, body, T = body, link, sapien.Pose()
             inertias[link.name] = []
         else:
             T = joint.pose_in_parent * _motion(robot, joint.name, preshape) * joint.pose_in_child.inv()
             _give_shapes(link, body, T)
         bodies[link.name], T_body_link[link.name] = body, T
-        inertias[body.name].append(_inertia(link, robot).moved(T.to_transformation_matrix().astype(np.float64)))
-    moving = [link for link in links if bodies.get(link.name) is link]
-    for index, link in enumerate(moving):
+        inertias[body.name].append(_inertia(link).moved(T.to_transformation_matrix().astype(np.float64)))
+    merged = [link for link in links if bodies.get(link.name) is link]
+    for index, link in enumerate(merged):
         link.index = index
-        if index and len(inertias[link.name]) > 1:
-            _set_inertia(link, Inertia.together(inertias[link.name]))
-    return moving
+        if index and len(inertias[link.name]) > 1:  # the base is fixed
+            inertia = Inertia.together(inertias[link.name])
+            moments, axes = principal_axes(inertia.tensor)
+            link.set_mass_and_inertia(inertia.mass, pose_of(axes, inertia.centre), moments)
+    return merged
 
 
 def _motion(robot: Robot, name: str, preshape: Preshape) -> sapien.Pose:
@@ -190,24 +192,12 @@ def _give_shapes(link: _Link, body: _Link, T_body_link: sapien.Pose) -> None:
     body.piece_links += link.piece_links
 
 
-def _inertia(link: _Link, robot: Robot) -> Inertia:
-    """Of one link in its own frame: what the URDF says, else that of its shapes."""
-    if not link._auto_inertial:
-        T = link._cmass_local_pose.to_transformation_matrix().astype(np.float64)
-        return Inertia(link._mass, np.zeros(3), np.diag(link._inertia)).moved(T)
-    parts = [Inertia(0.0, np.zeros(3), np.zeros((3, 3)))]
-    for collision in robot.collisions:
-        if collision.link == link.name:
-            mesh = collision.mesh
-            own = Inertia(DENSITY * mesh.volume, mesh.center_mass, DENSITY * mesh.moment_inertia)
-            parts.append(own.moved(collision.T_link_shape))
-    return Inertia.together(parts) if len(parts) > 1 else parts[0]
-
-
-def _set_inertia(link: _Link, inertia: Inertia) -> None:
-    if inertia.mass > 0:
-        moments, axes = principal_axes(inertia.tensor)
-        link.set_mass_and_inertia(inertia.mass, pose_of(axes, inertia.centre), moments)
+def _inertia(link: _Link) -> Inertia:
+    """Of one link in its own frame; nothing of a link that is a frame alone."""
+    if link._auto_inertial:
+        return Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+    T = link._cmass_local_pose.to_transformation_matrix().astype(np.float64)
+    return Inertia(link._mass, np.zeros(3), np.diag(link._inertia)).moved(T)
 
 
 def _part(links: list[_Link], preshape: Preshape) -> None:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from spgf_torch.hands.config import HandConfig, grasp_types
 from spgf_torch.objects.config import ObjectsConfig
 from spgf_torch.settings import bounded, choice, defaults_from, text
+
+# Samplers of candidate grasps.
+SURFACE_PAIRS, APPROACH = "surface_pairs", "approach"
 
 
 @dataclass
@@ -15,6 +19,12 @@ class SamplerConfig:
 
     jitter_deg: float = bounded(0.0, 90.0)
     jitter: float = bounded(0.0, 0.1)
+    depth: float = bounded(0.0, 0.5)
+
+
+def samplers_of(hand: HandConfig) -> dict[str, str]:
+    """Grasp type -> the sampler of its candidates (`candidates.SAMPLERS`), in the order of the types' codes."""
+    return {name: hand.preshapes[name].sampler for name in grasp_types(hand)}
 
 
 @dataclass
@@ -31,6 +41,7 @@ class EpisodeConfig:
     damping: float = bounded(0.0, 100.0)
     stall_window: float = bounded(0.002, 1.0)
     stall_motion: float = bounded(0.0, 0.1)
+    stall_share: float = bounded(0.0, 0.9)
     settle_time: float = bounded(0.0, 10.0)
     hold_time: float = bounded(0.0, 10.0)
     hold_acceleration: float = bounded(0.0, 100.0)

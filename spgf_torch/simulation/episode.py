@@ -71,7 +71,8 @@ class Trial:
     """The phases of one trial: close, settle, hold, shake."""
 
     def __init__(self, simulator: Simulator, T_object_tcp: np.ndarray, grasp_type: str) -> None:
-        self.config, hand, builder = simulator.config, simulator.hand, simulator.builder(grasp_type)
+        self.config, hand = simulator.config, simulator.hand
+        self.builder = builder = simulator.builder(grasp_type)
         configure(self.config)
         preshape = hand.preshapes[grasp_type]
         self.system = physx.PhysxCpuSystem()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -13,11 +13,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.settings import plain, typed
+from spgf_torch.settings import plain, settings
 from spgf_torch.simulation.candidates import sample_poses
-from spgf_torch.simulation.config import SamplerConfig
+from spgf_torch.simulation.config import APPROACH, SamplerConfig
 from spgf_torch.simulation.executors import Executor, Task, executor_of
 from spgf_torch.simulation.table import OUTCOMES, Provenance, TrialTable, pose_matrix
 from spgf_torch.simulation.worker import Case, ChunkResult, Trials
@@ -36,7 +35,7 @@ def provenance_of(obj: GraspObject, trials: Trials, sampler: SamplerConfig, cand
         object_name=obj.name,
         object_digest=obj.digest,
         hand_digest=trials.hand.digest,
-        sampler=plain(sampler),
+        sampler=_settings_of(sampler, trials),
         episode=plain(trials.episode),
         candidates=candidates,
         seed=seed,
@@ -47,12 +46,20 @@ def made_with(trials: Trials, sampler: SamplerConfig, candidates: int, seed: int
     """Return what all tables of one call share: provenance without the object, and versions of packages."""
     common = {
         "hand_digest": trials.hand.digest,
-        "sampler": plain(sampler),
+        "sampler": _settings_of(sampler, trials),
         "episode": plain(trials.episode),
         "candidates": candidates,
         "seed": seed,
     }
     return {**common, "versions": versions()}
+
+
+def _settings_of(sampler: SamplerConfig, trials: Trials) -> dict[str, Any]:
+    """Return the settings of the samplers that the hand uses: tables do not depend on those of others."""
+    own = plain(sampler)
+    if APPROACH not in trials.samplers.values():
+        del own["depth"]
+    return own
 
 
 @dataclass(frozen=True)
@@ -62,24 +69,36 @@ class Poses:
     Attributes:
         position: (M, 3) float32, m, and
         quaternion: (M, 4) float32 wxyz of T_object_tcp.
+        grasp_types: names of the hand's grasp types, in this order.
     """
 
     position: Tensor
     quaternion: Tensor
+    grasp_types: tuple[str, ...]
 
     def T_object_tcp(self, first: int, end: int) -> np.ndarray:  # noqa: N802
         """(end - first, 4, 4) float32 of these rows."""
         return pose_matrix(self.position[first:end], self.quaternion[first:end]).numpy()
 
+    @property
+    def grasp_type(self) -> Tensor:
+        """(M,) int64, index into `grasp_types`."""
+        types = len(self.grasp_types)
+        return torch.arange(types).repeat_interleave(len(self.position) // types)
 
-def sample(obj: GraspObject, provenance: Provenance) -> Poses:
-    """Sample the candidates of an object: its random stream follows from the seed and its name alone."""
-    sampler = typed(SamplerConfig, provenance.sampler)
+
+def sample(obj: GraspObject, provenance: Provenance, samplers: Mapping[str, str]) -> Poses:
+    """Sample the candidates of an object, of each grasp type by its sampler (`config.samplers_of`).
+
+    The random stream of a type follows from the seed, the object's name and the type's alone.
+    """
+    config = settings(SamplerConfig, **provenance.sampler)
     parts = []
-    for grasp_type in GRASP_TYPES:
+    for grasp_type, sampler in samplers.items():
         rng = np.random.default_rng([provenance.seed, zlib.crc32(f"{obj.name}/{grasp_type}".encode())])
-        parts.append(sample_poses(obj, provenance.candidates, sampler, rng))
-    return Poses(*(torch.cat(columns) for columns in zip(*parts, strict=True)))
+        parts.append(sample_poses(obj, provenance.candidates, config, rng, sampler))
+    position, quaternion = (torch.cat(columns) for columns in zip(*parts, strict=True))
+    return Poses(position, quaternion, tuple(samplers))
 
 
 def table_of(provenance: Provenance, poses: Poses, outcome: Tensor) -> TrialTable:
@@ -88,9 +107,10 @@ def table_of(provenance: Provenance, poses: Poses, outcome: Tensor) -> TrialTabl
         provenance=provenance,
         position=poses.position,
         quaternion=poses.quaternion,
-        grasp_type=torch.arange(len(GRASP_TYPES)).repeat_interleave(provenance.candidates),
+        grasp_type=poses.grasp_type,
         outcome=outcome,
         versions=versions(),
+        grasp_types=poses.grasp_types,
     )
 
 
@@ -113,15 +133,15 @@ def simulate(
     Nothing is written; `generation.Generation` survives being cut off. `workers` and `progress` as for `execute`.
     """
     provenances = [provenance_of(obj, trials, sampler, candidates, seed) for obj in objects]
-    poses = [sample(*pair) for pair in zip(objects, provenances, strict=True)]
+    poses = [sample(*pair, trials.samplers) for pair in zip(objects, provenances, strict=True)]
     requests = [
         (obj, grasp_type, torch.from_numpy(its.T_object_tcp(index * candidates, (index + 1) * candidates)))
         for obj, its in zip(objects, poses, strict=True)
-        for index, grasp_type in enumerate(GRASP_TYPES)
+        for index, grasp_type in enumerate(trials.grasp_types)
     ]
     outcomes = execute(requests, trials, workers, progress)
     for its_provenance, its_poses in zip(provenances, poses, strict=True):
-        yield table_of(its_provenance, its_poses, torch.cat([next(outcomes) for _ in GRASP_TYPES]))
+        yield table_of(its_provenance, its_poses, torch.cat([next(outcomes) for _ in trials.grasp_types]))
 
 
 def execute(

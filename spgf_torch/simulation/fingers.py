@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-from sapien import physx
 
 from spgf_torch.hands.preshape import Preshape
 from spgf_torch.hands.robot import Follow, Robot
 from spgf_torch.simulation.config import EpisodeConfig
+
+if TYPE_CHECKING:
+    from sapien import physx
 
 
 class Fingers:
@@ -29,18 +32,16 @@ class Fingers:
         config: EpisodeConfig,
         step: Callable[[], None],
     ) -> None:
-        self.articulation, self.closing, self.config, self.step = articulation, preshape.closing, config, step
-        active = articulation.active_joints
-        self.joints = {joint.name: joint for joint in active}
+        self.articulation, self.preshape, self.config, self.step = articulation, preshape, config, step
+        self.joints = {joint.name: joint for joint in articulation.active_joints}
         self.places = {name: place for place, name in enumerate(self.joints)}
-        self.drives = preshape.drives
         articulation.set_qpos([preshape.joints[name] for name in self.joints])
         for name, joint in self.joints.items():
             drive = preshape.drives[name]
             joint.set_drive_properties(drive.stiffness, drive.damping, drive.effort)
             joint.set_drive_target(preshape.joints[name])
-        follow = _resolved(preshape.closing.follow)
-        self.follow = {n: rule for n, rule in follow.items() if n in self.joints and rule.of in self.joints}
+        self.rules = resolved(preshape.closing.follow)
+        self.follow = {n: rule for n, rule in self.rules.items() if n in self.joints and rule.of in self.joints}
         mechanical = {joint.name for joint in robot.joints if joint.mimic}
         self.linked = {name: rule for name, rule in self.follow.items() if name in mechanical}
 
@@ -48,29 +49,43 @@ class Fingers:
     def qpos(self) -> np.ndarray:
         return self.articulation.qpos
 
-    def close(self) -> None:
-        """Run the targets ahead of the joints, never back, phase by phase, until the fingers stand still."""
-        steps = round(self.closing.time / self.config.dt)
-        q = self.qpos
-        targets = {name: float(q[self.places[name]]) for phase in self.closing.phases for name in phase}
-        for phase in self.closing.phases:
-            steps -= self._close_phase(phase, targets, steps)
+    def values(self) -> dict[str, float]:
+        """rad or m of every joint of the hand: those that move, are held, and follow without being simulated."""
+        values = self.preshape.joints | dict(zip(self.joints, map(float, self.qpos), strict=True))
+        for name, rule in self.rules.items():
+            if name not in self.joints:
+                values[name] = rule.ratio * values[rule.of] + rule.offset
+        return values
 
-    def _close_phase(self, phase: Mapping[str, float], targets: dict[str, float], most: int) -> int:
-        """Close these joints until all that close stand still, twice in a row; the number of steps that it took."""
-        stride, window = self.closing.speed * self.config.dt, max(1, round(self.config.stall_window / self.config.dt))
+    def close(self) -> int | None:
+        """Run the targets ahead of the joints, never back, phase by phase, until the fingers stand still.
+
+        Returns the number of steps that it took, or None where `closing.time` ended it.
+        """
+        closing = self.preshape.closing
+        most, taken, q = round(closing.time / self.config.dt), 0, self.qpos
+        targets = {name: float(q[self.places[name]]) for phase in closing.phases for name in phase}
+        for phase in closing.phases:
+            steps = self._close_phase(phase, targets, most - taken)
+            if steps is None:
+                return None
+            taken += steps
+        return taken
+
+    def _close_phase(self, phase: Mapping[str, float], targets: dict[str, float], most: int) -> int | None:
+        """Close these joints until all joints that close stand still, twice in a row."""
+        stride, window = self.preshape.closing.speed * self.config.dt, self._window()
         plan = [
             (name, self.joints[name], self.places[name], math.copysign(1.0, share), self._lead(name, share))
             for name, share in phase.items()
         ]
-        watched = [self.places[name] for name in targets]
+        watched, least = [self.places[name] for name in targets], self._least_motion()
         q = self.qpos
         before, still = [float(q[place]) for place in watched], 0
         for step in range(1, most + 1):
             for name, joint, place, sign, lead in plan:
                 target = sign * targets[name]
-                ahead = min(target + stride, sign * float(q[place]) + lead)
-                targets[name] = sign * max(target, ahead)
+                targets[name] = sign * max(target, min(target + stride, sign * float(q[place]) + lead))
                 joint.set_drive_target(targets[name])
             self.turn(self.follow, q)
             self.step()
@@ -78,14 +93,26 @@ class Fingers:
             if step % window == 0:
                 now = [float(q[place]) for place in watched]
                 moved = max(abs(a - b) for a, b in zip(now, before, strict=True))
-                before, still = now, still + 1 if moved < self.config.stall_motion else 0
+                before, still = now, still + 1 if moved < least else 0
                 if still == 2:
                     return step
-        return most
+        return None
+
+    def _window(self) -> int:
+        return max(1, round(self.config.stall_window / self.config.dt))
+
+    def _least_motion(self) -> float:
+        """rad or m in a window, below which a joint stands still.
+
+        More fingers than a jaw's, and more joints, creep on as the object settles between them, with whatever is left
+        of the balance of their efforts; they stand still once they do so at a small share of the closing speed.
+        """
+        config, way = self.config, self.preshape.closing.speed * self.config.stall_window
+        return config.stall_motion if self.preshape.jaw else max(config.stall_motion, config.stall_share * way)
 
     def _lead(self, name: str, share: float) -> float:
         """rad or m that the target of a joint may run ahead of it: its share of the effort over the stiffness."""
-        return abs(share) * self.closing.effort / self.drives[name].stiffness
+        return abs(share) * self.preshape.closing.effort / self.preshape.drives[name].stiffness
 
     def turn(self, follow: Mapping[str, Follow], q: np.ndarray) -> None:
         """Set the targets of joints that follow others, which are at `q`."""
@@ -104,7 +131,14 @@ class Fingers:
             self.step()
 
 
-def _resolved(follow: Mapping[str, Follow]) -> dict[str, Follow]:
+def moving_joints(preshape: Preshape) -> frozenset[str]:
+    """Joints that close, and those that follow them; what follows a joint that is held stands still."""
+    closes = {name for phase in preshape.closing.phases for name in phase}
+    rules = resolved(preshape.closing.follow)
+    return frozenset(closes | {name for name, rule in rules.items() if rule.of in closes})
+
+
+def resolved(follow: Mapping[str, Follow]) -> dict[str, Follow]:
     """The same rules, each of a joint that follows no other."""
     found = {}
     for name, rule in follow.items():

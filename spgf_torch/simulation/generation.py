@@ -12,11 +12,10 @@ from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.simulation.execute import Poses, codes, sample, table_of
 from spgf_torch.simulation.executors import Executor, Task
-from spgf_torch.simulation.run_state import RunState, rows_of
+from spgf_torch.simulation.run_state import RunState
 from spgf_torch.simulation.table import Provenance, read_tables, table_path, write_table
 from spgf_torch.simulation.worker import Case, ChunkResult, TrialFunction, Trials, error_line, physics
 
@@ -86,10 +85,10 @@ class Generation:
     def _tasks(self, objects: Iterable[tuple[GraspObject, Provenance]]) -> Iterator[Task]:
         for obj, provenance in objects:
             try:
-                poses = sample(obj, provenance)
+                poses = sample(obj, provenance, self.plan.trials.samplers)
             except Exception as error:  # a failure of one object must not stop the others
                 self._fail(provenance, f"no candidates: {error_line(error)}")
-                self.progress(rows_of(provenance))
+                self.progress(self.run_state.rows(provenance))
                 continue
             it = OpenObject(obj, provenance, poses, [])
             it.outcomes = self.run_state.known(provenance, it.pose_checksum)
@@ -101,7 +100,7 @@ class Generation:
             for first, end in chunks:
                 if it.unbuilt:
                     break
-                grasp_type = GRASP_TYPES[first // provenance.candidates]
+                grasp_type = poses.grasp_types[first // provenance.candidates]
                 case = Case.of(obj, self.plan.trials, grasp_type, self.plan.make)
                 yield Task((obj.name, first), case, poses.T_object_tcp(first, end))
             if not chunks:
@@ -146,11 +145,14 @@ class Generation:
         self.run_state.note(provenance, "failed", trials, reason, failures)
 
 
-def finished(folder: Path, provenances: Sequence[Provenance]) -> list[Provenance]:
-    """Select the objects that have their table. Raises InputError for one that is damaged or of other provenance."""
+def finished(folder: Path, provenances: Sequence[Provenance], grasp_types: tuple[str, ...]) -> list[Provenance]:
+    """Select the objects that have their table, of the hand's grasp types.
+
+    Raises InputError for a table that is damaged, of other provenance or of other types.
+    """
     there = [provenance for provenance in provenances if table_path(folder, provenance.object_name).exists()]
     for provenance in there:
-        read_tables(folder, [provenance])
+        read_tables(folder, [provenance], grasp_types)
     return there
 
 
@@ -170,7 +172,5 @@ def _missing(outcomes: Sequence[str | None], candidates: int, chunk: int) -> Ite
 
 def _failures(it: OpenObject) -> list[dict]:
     """Return the failures of an object as entries of the manifest."""
-    n = it.provenance.candidates
-    return [
-        {"type": GRASP_TYPES[row // n], "index": row, "reason": reason} for row, reason in sorted(it.reasons.items())
-    ]
+    n, names = it.provenance.candidates, it.poses.grasp_types
+    return [{"type": names[row // n], "index": row, "reason": reason} for row, reason in sorted(it.reasons.items())]

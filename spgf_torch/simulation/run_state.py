@@ -24,7 +24,6 @@ from spgf_torch.errors import InputError
 from spgf_torch.files.digests import sealed_json
 from spgf_torch.files.reading import json_values
 from spgf_torch.files.writing import parts_in, sync, write_bytes
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.simulation.table import OUTCOMES, Provenance, compare
 
 SCHEMA = 1
@@ -39,6 +38,7 @@ class RunState:
         folder: of the table, made if it is missing.
         shard: (i, n), 1 <= i <= n: the share of the objects that is this call's, where others work on the rest.
         made_with: what is the same for all objects: the fields of an `Provenance` but the object's, and `versions`.
+        types: how many grasp types the hand has.
 
     Attributes:
         objects: name -> state (`note`).
@@ -46,8 +46,8 @@ class RunState:
         left_out: objects that were not begun, and why.
     """
 
-    def __init__(self, folder: Path, shard: tuple[int, int], made_with: Mapping[str, Any]) -> None:
-        self.folder, self.shard, self.made_with = folder, shard, dict(made_with)
+    def __init__(self, folder: Path, shard: tuple[int, int], made_with: Mapping[str, Any], types: int) -> None:
+        self.folder, self.shard, self.made_with, self.types = folder, shard, dict(made_with), types
         part = "" if shard == (1, 1) else f".{shard[0]}-of-{shard[1]}"
         self.path = folder / f"manifest{part}.json"
         self.objects: dict[str, dict[str, Any]] = {}
@@ -83,7 +83,7 @@ class RunState:
         `poses(first, count)` is the checksum of the poses of these rows. A shard of other poses, or a damaged one,
         is an incident and left out; one of other settings is refused.
         """
-        known: list[str | None] = [None] * rows_of(provenance)
+        known: list[str | None] = [None] * self.rows(provenance)
         for path in sorted(self._shards(provenance.object_name).glob("*.json")):
             content = _read_shard(path)
             if content is not None and content["origin"] != self._fingerprint(provenance):
@@ -131,7 +131,11 @@ class RunState:
         sync(self.folder)
         shutil.rmtree(self._shards(provenance.object_name), ignore_errors=True)
         failures = self.objects.get(provenance.object_name, {}).get("failures", [])
-        self.note(provenance, "done", rows_of(provenance), failures=failures)
+        self.note(provenance, "done", self.rows(provenance), failures=failures)
+
+    def rows(self, provenance: Provenance) -> int:
+        """Return the number of rows in the table of an object."""
+        return provenance.candidates * self.types
 
     @property
     def trials(self) -> int:
@@ -224,11 +228,6 @@ class RunState:
 
     def _fingerprint(self, provenance: Provenance) -> str:
         return fingerprint(asdict(provenance), self.made_with["versions"])
-
-
-def rows_of(provenance: Provenance) -> int:
-    """Return the number of rows in the table of an object."""
-    return provenance.candidates * len(GRASP_TYPES)
 
 
 def _read_shard(path: Path) -> dict[str, Any] | None:

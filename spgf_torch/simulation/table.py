@@ -28,13 +28,12 @@ from spgf_torch.files.parquet import parquet_table
 from spgf_torch.files.reading import existing, json_of, unreadable
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.geometry import se3
-from spgf_torch.hands.config import GRASP_TYPES
 
 SCHEMA = 1
 OUTCOMES = ("success", "collision", "missed", "dropped", "slipped", "rotated")
 POSITION, QUATERNION = ("x", "y", "z"), ("qw", "qx", "qy", "qz")
 COLUMNS = ("type", *POSITION, *QUATERNION, "outcome")
-MOST_ROWS = 20_000_000  # of each of two types the most candidates that settings allow
+MOST_ROWS = 20_000_000  # of two grasp types the most candidates that settings allow
 UNIT = 1e-3  # off the length of a quaternion: float32 gives 1e-7
 KEY = b"spgf_torch.trials"  # of the metadata in the Parquet schema
 
@@ -68,9 +67,10 @@ class TrialTable:
         provenance: what it was made from.
         position: (M, 3) float32, m, and
         quaternion: (M, 4) float32 wxyz of T_object_tcp.
-        grasp_type: (M,) int64, index into `config.GRASP_TYPES`.
+        grasp_type: (M,) int64, index into `grasp_types`.
         outcome: (M,) int64, index into `OUTCOMES`.
         versions: package -> version that made it.
+        grasp_types: names of the hand's grasp types, sorted.
     """
 
     provenance: Provenance
@@ -79,6 +79,7 @@ class TrialTable:
     grasp_type: Tensor
     outcome: Tensor
     versions: dict[str, str]
+    grasp_types: tuple[str, ...]
 
     @property
     def object_name(self) -> str:
@@ -121,7 +122,7 @@ def columns_of(table: Any) -> dict[str, Any]:
     """What is tried and how it ended, by the names of `COLUMNS`, and the rows' index; `table` has a `TrialTable`'s."""
     return {
         "index": np.arange(len(table.outcome), dtype=np.int32),
-        "type": dictionary(table.grasp_type, GRASP_TYPES),
+        "type": dictionary(table.grasp_type, table.grasp_types),
         **dict(zip(POSITION, table.position.numpy().T, strict=True)),
         **dict(zip(QUATERNION, table.quaternion.numpy().T, strict=True)),
         "outcome": dictionary(table.outcome, OUTCOMES),
@@ -161,17 +162,20 @@ def _decoded(path: Path, content: pa.Table) -> TrialTable:
         raise InputError(
             f"{path}: expected a trial table of schema {SCHEMA}, got {about.get('schema', 'a foreign file')}"
         )
+    names = words_of(content, "type")
     table = TrialTable(
         provenance=Provenance(**about["origin"]),
         position=floats(content, POSITION),
         quaternion=floats(content, QUATERNION),
-        grasp_type=codes_in(path, content, "type", GRASP_TYPES),
+        grasp_type=codes_in(path, content, "type", names),
         outcome=codes_in(path, content, "outcome", OUTCOMES),
         versions=about["versions"],
+        grasp_types=names,
     )
-    rows = table.provenance.candidates * len(GRASP_TYPES)
-    if len(table) != rows:
-        raise InputError(f"{path}: expected {rows} trials, got {len(table)}")
+    rows, counts = table.provenance.candidates, torch.bincount(table.grasp_type, minlength=len(names)).tolist()
+    if set(counts) != {rows}:
+        got = ", ".join(f"{count} of {name}" for name, count in zip(names, counts, strict=True)) or "none"
+        raise InputError(f"{path}: expected {rows} trials of each grasp type, got {got:.200}")
     check_poses(path, table.position, table.quaternion)
     return table
 
@@ -187,16 +191,19 @@ def check_poses(path: Path, position: Tensor, quaternion: Tensor) -> None:
         )
 
 
-def read_tables(folder: Path, expected: Iterable[Provenance]) -> list[TrialTable]:
-    """The tables of `expected`, in its order.
+def read_tables(folder: Path, expected: Iterable[Provenance], grasp_types: tuple[str, ...]) -> list[TrialTable]:
+    """The tables of `expected`, in its order; `grasp_types`: the hand's.
 
-    Raises InputError where one is missing or damaged or was made from something else than expected.
+    Raises InputError where one is missing or damaged, was made from something else than expected, or is of other types.
     """
     tables = []
     for provenance in expected:
         path = table_path(folder, provenance.object_name)
         table = read_table(path)
         compare(path, provenance, table.provenance)
+        if table.grasp_types != grasp_types:
+            told, got = ", ".join(grasp_types), ", ".join(table.grasp_types)
+            raise InputError(f"{path}: expected trials of the hand's grasp types {told}; got {got:.200}")
         tables.append(table)
     return tables
 
@@ -226,11 +233,17 @@ def dictionary(codes: Tensor, words: tuple[str, ...]) -> pa.DictionaryArray:
 def codes_in(path: Path, content: pa.Table, column: str, words: tuple[str, ...]) -> Tensor:
     """(M,) int64 into `words`, of a column of them. Raises InputError for other words."""
     values = content[column].cast(pa.string())
-    codes = pc.index_in(values, pa.array(words))
+    codes = pc.index_in(values, pa.array(words, pa.string()))
     if codes.null_count:
         unknown = set(values.to_pylist()) - set(words)
         raise InputError(f"{path}: expected {column} one of {', '.join(words)}; got {min(map(str, unknown))}")
     return torch.from_numpy(codes.to_numpy().astype(np.int64))
+
+
+def words_of(content: pa.Table, column: str) -> tuple[str, ...]:
+    """The words that occur in a column of them, sorted."""
+    found = pc.unique(content[column].cast(pa.string())).to_pylist()
+    return tuple(sorted(word for word in found if word is not None))
 
 
 def floats(content: pa.Table, columns: tuple[str, ...]) -> Tensor:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spgf_torch.simulation.config import samplers_of
 from spgf_torch.simulation.worker_process import WorkerDiedError, WorkerProcess, limited
 
 if TYPE_CHECKING:
@@ -32,6 +33,16 @@ class Trials:
 
     hand: Hand
     episode: EpisodeConfig
+
+    @property
+    def samplers(self) -> dict[str, str]:
+        """Grasp type -> the sampler of its candidates, in the order of the types' codes."""
+        return samplers_of(self.hand.config)
+
+    @property
+    def grasp_types(self) -> tuple[str, ...]:
+        """Names of the hand's grasp types."""
+        return tuple(self.samplers)
 
 
 def physics(obj: GraspObject, trials: Trials, grasp_type: str) -> TrialFunction:

@@ -35,7 +35,14 @@ def random_particles(n: int, generator: torch.Generator) -> Particles:
     cell = GRID.index(direction * 0.012, quaternion)
     prototype = torch.randint(PROTOTYPES, (n,), generator=generator)
     partition = prototype * 2 + torch.randint(2, (n,), generator=generator)
-    return Particles(partition.int(), cell.int(), torch.rand(n, generator=generator) < 0.3)
+    return Particles(partition.int(), cell.int(), 2, torch.rand(n, generator=generator) < 0.3)
+
+
+def taken(particles: Particles, which: torch.Tensor) -> Particles:
+    """The particles of these indices, in their order."""
+    assert particles.success is not None
+    columns = (particles.partition[which], particles.cell[which])
+    return Particles(*columns, particles.types, particles.success[which])
 
 
 def loop_condense(particles: Particles, kernel_mm: float, kernel_deg: float, min_support: float) -> dict:
@@ -92,7 +99,7 @@ def test_condense_equals_the_loop(generator: torch.Generator, kernel: Kernel) ->
 def test_order_of_particles_does_not_matter(generator: torch.Generator, kernel: Kernel) -> None:
     particles = random_particles(500, generator)
     order = torch.randperm(500, generator=generator)
-    shuffled = Particles(*(getattr(particles, n)[order] for n in ("partition", "cell", "success")))
+    shuffled = taken(particles, order)
     a, b = (condense([p], PROTOTYPES, GRID, kernel, 1.0) for p in (particles, shuffled))
     for name in ("partition_start", "cell", "probability", "support", "base_rate"):
         assert torch.equal(getattr(a, name), getattr(b, name))
@@ -102,7 +109,7 @@ def test_four_particles_by_hand() -> None:
     """No smoothing: two cells of prototype 0, NPG. Cell a: 2 successes of 3; cell b: 1 particle, not significant."""
     kernel = gaussian_kernel(GRID, 0.0, 0.0)
     cell = GRID.index(torch.tensor([[0.0, 0, 0]] * 3 + [[0.02, 0, 0]]), torch.tensor([[1.0, 0, 0, 0]] * 4))
-    particles = Particles(torch.zeros(4, dtype=torch.int32), cell.int(), torch.tensor([True, False, True, True]))
+    particles = Particles(torch.zeros(4, dtype=torch.int32), cell.int(), 2, torch.tensor([True, False, True, True]))
     condensed = condense([particles], 1, GRID, kernel, min_support=2)
     assert condensed.cell.tolist() == [int(cell[0])]
     assert condensed.probability.tolist() == pytest.approx([2 / 3])
@@ -119,7 +126,7 @@ def test_base_rates_by_hand() -> None:
 def test_particles_without_outcomes_teach_nothing() -> None:
     cell = torch.zeros(1, dtype=torch.int32)
     with pytest.raises(ValueError, match="outcomes of trials"):
-        ShapeGraspSpace.of([Particles(cell, cell)], 1, GRID)
+        ShapeGraspSpace.of([Particles(cell, cell, 2)], 1, GRID)
 
 
 def test_votes_equal_brute_force(generator: torch.Generator, kernel: Kernel) -> None:
@@ -137,8 +144,7 @@ def test_votes_equal_brute_force(generator: torch.Generator, kernel: Kernel) -> 
 
 def split(particles: Particles, objects: int) -> list[Particles]:
     """The particles dealt out to objects in turn."""
-    names = ("partition", "cell", "success")
-    return [Particles(*(getattr(particles, name)[i::objects] for name in names)) for i in range(objects)]
+    return [taken(particles, torch.arange(i, len(particles.cell), objects)) for i in range(objects)]
 
 
 def test_analysis_at_points_equals_the_condensed_space(generator: torch.Generator, kernel: Kernel) -> None:
@@ -158,11 +164,11 @@ def test_analysis_at_points_equals_the_condensed_space(generator: torch.Generato
 def test_analysis_of_nothing() -> None:
     kernel = gaussian_kernel(GRID, 0.0, 0.0)
     none = torch.zeros(0, dtype=torch.int32)
-    space = ShapeGraspSpace.of([Particles(none, none, none.bool())], 1, GRID)
+    space = ShapeGraspSpace.of([Particles(none, none, 2, none.bool())], 1, GRID)
     one = torch.ones(1, dtype=torch.int32)
-    counts = analyse(space, Particles(one, one), GRID, kernel)
+    counts = analyse(space, Particles(one, one, 2), GRID, kernel)
     assert [float(t) for t in (counts.successes, counts.particles, counts.own_count)] == [0, 0, 0]
-    assert len(counted_votes(counts, Particles(one, one), one.long(), 0.0).grasp) == 0
+    assert len(counted_votes(counts, Particles(one, one, 2), one.long(), 0.0).grasp) == 0
 
 
 @pytest.mark.parametrize("kernel_mm", [0.0, 0.006, 0.01])
@@ -228,7 +234,7 @@ def test_an_empty_model_supports_nothing() -> None:
     empty = torch.zeros(0)
     condensed = Condensed(torch.zeros(7, dtype=torch.long), empty.long(), empty, empty, torch.zeros(2))
     one = torch.zeros(1, dtype=torch.int32)
-    assert len(cast_votes(VotingIndex(condensed, GRID), Particles(one, one), one.long()).grasp) == 0
+    assert len(cast_votes(VotingIndex(condensed, GRID), Particles(one, one, 2), one.long()).grasp) == 0
 
 
 ROOMS = {"sensing": SensingConfig, "features": FeatureConfig, "prototypes": PrototypeConfig, "hand": HandConfig}
@@ -244,7 +250,7 @@ def model(generator: torch.Generator) -> affordance.GraspModel:
     pairs = cell_pairs(features, grasps, grasp_type, config, generator)
     assert pairs.feature.unique().numel() == 20
     ids = torch.randint(4, (50,), generator=generator)
-    learned = affordance.learn([(pairs, ids, torch.rand(50, generator=generator) < 0.5)], torch.rand(4, 144), config)
+    learned = affordance.learn([(pairs, ids, torch.rand(50, generator=generator) < 0.5)], torch.rand(4, 144), config, 2)
     rooms = {name: plain(settings(kind)) for name, kind in ROOMS.items()}
     return replace(learned, settings={**rooms, "affordance": plain(config)})
 
@@ -274,7 +280,7 @@ def test_model_round_trip(model: affordance.GraspModel, tmp_path) -> None:
         ("model.json", "not json", "expected a model's JSON"),
         ("model.json", '{"format": "other"}', "expected format 'spgf_torch model'"),
         ("model.json", "[]", "expected format"),
-        ("model.json", '{"format": "spgf_torch model", "schema": 3, "lattice": {}}', "expected lattice with the keys"),
+        ("model.json", '{"format": "spgf_torch model", "schema": 4, "lattice": {}}', "expected lattice with the keys"),
         ("model.safetensors", None, "found no such file"),
         ("model.safetensors", "cut", "expected a safetensors file"),
     ],
@@ -323,8 +329,8 @@ def test_as_many_particles_as_are_asked_for_are_enough() -> None:
     """
     kernel = gaussian_kernel(GRID, 0.0, 0.0)
     cell = GRID.index(torch.zeros(3, 3), torch.tensor([[1.0, 0, 0, 0]] * 3)).int()
-    particles = Particles(torch.zeros(3, dtype=torch.int32), cell, torch.tensor([True, False, True]))
-    space, asked = ShapeGraspSpace.of([particles], 1, GRID), Particles(particles.partition[:1], cell[:1])
+    particles = Particles(torch.zeros(3, dtype=torch.int32), cell, 2, torch.tensor([True, False, True]))
+    space, asked = ShapeGraspSpace.of([particles], 1, GRID), Particles(particles.partition[:1], cell[:1], 2)
     counts = analyse(space, asked, GRID, kernel)
     for least, support in ((3.0, [3.0]), (3.1, [])):
         assert condense([particles], 1, GRID, kernel, least).support.tolist() == support
@@ -338,7 +344,7 @@ def test_points_of_pairs_by_hand() -> None:
     """
     feature, grasp, cell = torch.tensor([[0, 0, 1], [0, 1, 1], [7, 8, 9]], dtype=torch.int32)
     pairs = CellPairs(feature, grasp, cell, grasp_type=torch.tensor([0, 1]))
-    particles = shape_grasp_particles(pairs, torch.tensor([2, 0]), torch.tensor([True, False]))
+    particles = shape_grasp_particles(pairs, torch.tensor([2, 0]), 2, torch.tensor([True, False]))
     assert particles.partition.tolist() == [4, 5, 1] and particles.cell.tolist() == [7, 8, 9]
     assert particles.prototype.tolist() == [2, 2, 0] and particles.grasp_type.tolist() == [0, 1, 1]
     assert particles.success.tolist() == [True, False, False]
@@ -420,7 +426,7 @@ def test_a_lattice_of_other_settings_is_refused(model: affordance.GraspModel, tm
 def test_rounding_makes_no_probability_above_one() -> None:
     """Three successes of three, that add up to a little more; a point near which the kernel weighs nothing; none."""
     counts = Counts(torch.tensor([3.0000002, 0.0, 0.0]), torch.tensor([3.0, 0.0, 5.0]), torch.tensor([3.0, 1.0, 0.0]))
-    points = Particles(torch.tensor([2, 0, 1], dtype=torch.int32), torch.zeros(3, dtype=torch.int32))
+    points = Particles(torch.tensor([2, 0, 1], dtype=torch.int32), torch.zeros(3, dtype=torch.int32), 2)
     votes = counted_votes(counts, points, torch.tensor([7, 8, 9]), min_support=0.0)
     assert votes.grasp.tolist() == [7, 8] and votes.prototype.tolist() == [1, 0]
     assert votes.probability.tolist() == [1.0, 0.0] and votes.support.tolist() == [3.0, 0.0]

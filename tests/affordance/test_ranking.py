@@ -76,7 +76,7 @@ def test_calibration_finds_the_logistic_law_that_made_the_outcomes() -> None:
     law = torch.tensor([[-1.0, 2.0, -3.0, 0.0, STRAIGHT], [0.5, 1.0, 0.0, 0.0, STRAIGHT]])
     p = Calibration(law).probability(score, grasp_type, collides)
     success = torch.rand(2 * n, generator=generator) < p
-    found = fit_calibration(score, grasp_type, collides, success)
+    found = fit_calibration(score, grasp_type, collides, success, 2)
     assert torch.allclose(found.numbers[:, :4], law[:, :4], atol=0.15)
     assert float((found.probability(score, grasp_type, collides) - p).abs().mean()) < 0.01
 
@@ -84,7 +84,7 @@ def test_calibration_finds_the_logistic_law_that_made_the_outcomes() -> None:
 def test_calibration_without_successes_stays_finite() -> None:
     score = torch.tensor([0.0, 1.0, -math.inf, 2.0])
     grasp_type, success = torch.zeros(4, dtype=torch.long), torch.zeros(4, dtype=torch.bool)
-    found = fit_calibration(score, grasp_type, success, success)
+    found = fit_calibration(score, grasp_type, success, success, 2)
     assert found.numbers.isfinite().all() and found.numbers[1, :4].abs().sum() == 0
     assert (found.probability(score, grasp_type, success) < 0.1).all()
 
@@ -96,7 +96,7 @@ def test_the_prior_holds_weights_that_the_outcomes_would_not() -> None:
     WPG, constant alone: c / PRIOR^2 = -4 sigmoid(c).
     """
     score, grasp_type = torch.tensor([2.0] * 3 + [0.0] * 4), torch.tensor([0] * 3 + [1] * 4)
-    found = fit_calibration(score, grasp_type, torch.zeros(7).bool(), grasp_type == 0).numbers.double()
+    found = fit_calibration(score, grasp_type, torch.zeros(7).bool(), grasp_type == 0, 2).numbers.double()
     (c, s), other = found[0, :2].tolist(), float(found[1, 0])
     assert s == pytest.approx(2 * c) and c / PRIOR**2 == pytest.approx(3 / (1 + math.exp(5 * c)), rel=1e-4)
     assert other / PRIOR**2 == pytest.approx(-4 / (1 + math.exp(-other)), rel=1e-4) and other < -3
@@ -120,11 +120,11 @@ def test_the_bend_is_found_where_groups_agree_on_it() -> None:
     law = Calibration(torch.tensor([[0.0, 1.5, 0, 0, STRAIGHT], [-0.5, 3.0, 0, 0, -0.5244]]))
     none, group = torch.zeros(2 * n).bool(), torch.arange(2 * n) % 4
     success = torch.rand(2 * n, generator=generator) < law.probability(score, grasp_type, none)
-    found = fit_calibration(score, grasp_type, none, success, group).numbers
+    found = fit_calibration(score, grasp_type, none, success, 2, group).numbers
     assert float(found[1, 4]) == pytest.approx(float(score[n:].quantile(0.3)))
     assert torch.allclose(found[1, :2], law.numbers[1, :2], atol=0.2)
     assert found[0, 4] == score[:n].min()
-    alone = fit_calibration(score, grasp_type, none, success).numbers
+    alone = fit_calibration(score, grasp_type, none, success, 2).numbers
     assert alone[:, 4].tolist() == [score[:n].min(), score[n:].min()]
 
 
@@ -154,5 +154,5 @@ def test_the_prior_of_a_calibration_by_hand() -> None:
     So 4 sigmoid(w) = -w / 100, at w = -4.48047: without the prior it would be minus infinity.
     """
     zero = torch.zeros(4)
-    found = fit_calibration(zero, zero.long(), zero.bool(), zero.bool()).numbers[0, :4]
+    found = fit_calibration(zero, zero.long(), zero.bool(), zero.bool(), 2).numbers[0, :4]
     assert found.tolist() == pytest.approx([-4.48047, 0.0, 0.0, 0.0], rel=1e-3)

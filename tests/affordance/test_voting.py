@@ -90,7 +90,7 @@ def test_points_are_found_as_by_a_dictionary(generator: torch.Generator) -> None
 def test_gains_of_points_are_those_of_their_votes(generator: torch.Generator) -> None:
     index = learned(generator)
     partition = index.condensed.partition_of_point().int()
-    votes = cast_votes(index, Particles(partition, index.condensed.cell), partition % 2)
+    votes = cast_votes(index, Particles(partition, index.condensed.cell, 2), partition % 2)
     expected = log_odds_gain(votes, index.condensed.base_rate, torch.arange(2), CONFIG)
     assert torch.equal(point_gains(index.condensed, CONFIG), expected)
 
@@ -100,7 +100,7 @@ def test_totals_say_what_listed_votes_say(generator: torch.Generator) -> None:
     index, features, grasps = learned(generator), poses(40, generator), poses(1100, generator)
     ids, kind = torch.randint(PROTOTYPES, (40,), generator=generator), torch.arange(1100) % 2
     feature, grasp, cell = cell_pairs(features, grasps, GRID.numbers)
-    votes = cast_votes(index, Particles((ids[feature] * 2 + kind[grasp]).int(), cell), grasp)
+    votes = cast_votes(index, Particles((ids[feature] * 2 + kind[grasp]).int(), cell, 2), grasp)
     rates = index.condensed.base_rate
     scores = score_grasps(votes, rates, kind, torch.zeros(1100, dtype=torch.bool), CONFIG)
     threads, totals = torch.get_num_threads(), []

@@ -10,6 +10,7 @@ from spgf_torch.baselines.config import AugmentConfig, NetworkConfig, check_netw
 from spgf_torch.baselines.pointnet import PointNet, augmented, balance, balanced_loss, fourier, grasp_logits
 from spgf_torch.errors import InputError
 
+EACH = torch.ones(7, dtype=torch.bool)  # all hands are symmetric
 STILL = AugmentConfig(points=100, mirror=False, rotation_deg=0.0, shift=0.0, jitter=0.0)
 
 
@@ -19,7 +20,7 @@ def generator(seed: int = 0) -> torch.Generator:
 
 @pytest.fixture
 def network() -> PointNet:
-    return PointNet(NETWORK, RADIUS, generator())
+    return PointNet(NETWORK, 2, RADIUS, generator())
 
 
 def cloud(count: int = 7, seed: int = 1) -> torch.Tensor:
@@ -38,6 +39,13 @@ def test_a_cloud_is_a_set(network: PointNet) -> None:
 def test_the_type_is_told(network: PointNet) -> None:
     points = cloud()
     assert not torch.allclose(network(points, torch.zeros(7).long()), network(points, torch.ones(7).long()))
+
+
+def test_three_types_are_told_apart() -> None:
+    network, points = PointNet(NETWORK, 3, RADIUS, generator()), cloud()
+    told = [network(points, torch.full((7,), kind)) for kind in range(3)]
+    assert not torch.allclose(told[0], told[2]) and not torch.allclose(told[1], told[2])
+    assert network.points[0].in_features == PointNet(NETWORK, 2, RADIUS, generator()).points[0].in_features + 1
 
 
 def test_the_network_is_a_loop_over_points(network: PointNet) -> None:
@@ -90,21 +98,27 @@ def test_balanced_loss_by_hand() -> None:
 
 def test_augmentation_keeps_what_it_should() -> None:
     points = cloud()
-    torch.testing.assert_close(augmented(points, STILL, generator()).sort(1).values, points.sort(1).values)
-    fewer = augmented(points, AugmentConfig(5, False, 0.0, 0.0, 0.0), generator())
+    torch.testing.assert_close(augmented(points, EACH, STILL, generator()).sort(1).values, points.sort(1).values)
+    fewer = augmented(points, EACH, AugmentConfig(5, False, 0.0, 0.0, 0.0), generator())
     assert fewer.shape == (7, 5, 3) and all(any((p == q).all() for q in points[0]) for p in fewer[0])
-    mirrored = augmented(points, AugmentConfig(100, True, 0.0, 0.0, 0.0), generator(3))
+    mirrored = augmented(points, EACH, AugmentConfig(100, True, 0.0, 0.0, 0.0), generator(3))
     torch.testing.assert_close(mirrored.abs().sort(1).values, points.abs().sort(1).values)
     flipped = (mirrored[..., 0].sort(1).values - points[..., 0].sort(1).values).abs().amax(1) > 1e-6
     assert 0 < flipped.sum() < 7  # some, not all
-    turned = augmented(points, AugmentConfig(100, False, 20.0, 0.0, 0.0), generator(4))
+    symmetric = torch.arange(7) < 4
+    mirrored = augmented(points, symmetric, AugmentConfig(100, True, 0.0, 0.0, 0.0), generator(3))
+    again = (mirrored[..., 0].sort(1).values - points[..., 0].sort(1).values).abs().amax(1) > 1e-6
+    assert torch.equal(again, flipped & symmetric) and not torch.equal(again, flipped)  # only hands that allow it
+    turned = augmented(points, EACH, AugmentConfig(100, False, 20.0, 0.0, 0.0), generator(4))
     torch.testing.assert_close(turned.norm(dim=2).sort(1).values, points.norm(dim=2).sort(1).values)
-    assert torch.equal(augmented(points, AUGMENT, generator(5)), augmented(points, AUGMENT, generator(5)))
+    assert torch.equal(augmented(points, EACH, AUGMENT, generator(5)), augmented(points, EACH, AUGMENT, generator(5)))
 
 
 def test_noise_is_as_large_as_the_settings_say() -> None:
     """2 mm of the whole cloud and 1 mm of each point, over 4000 clouds: the sample's deviations are within 5 %."""
-    moved = augmented(torch.zeros(4000, 10, 3), AugmentConfig(10, False, 0.0, 0.002, 0.001), generator(6))
+    moved = augmented(
+        torch.zeros(4000, 10, 3), torch.ones(4000).bool(), AugmentConfig(10, False, 0.0, 0.002, 0.001), generator(6)
+    )
     assert moved.mean(1).std().item() == pytest.approx(math.hypot(0.002, 0.001 / math.sqrt(10)), rel=0.05)
     assert (moved - moved.mean(1, keepdim=True)).std().item() == pytest.approx(0.001 * math.sqrt(0.9), rel=0.05)
 

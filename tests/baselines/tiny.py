@@ -19,7 +19,6 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.formats import tar
 from spgf_torch.formats.samples import shard_name
 from spgf_torch.geometry import se3
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings
@@ -29,7 +28,7 @@ CLASSES = ("boxes", "boxes", "boxes", "curved", "curved", "curved")
 TRIALS, POINTS, RADIUS, FOLDS = 40, 12, 0.1, 2
 NETWORK = NetworkConfig(frequencies=1, widths=[16, 16], head=[8])
 AUGMENT = AugmentConfig(points=8, mirror=True, rotation_deg=3.0, shift=0.002, jitter=0.001)
-VOLUMES = {kind: hand_volume([trimesh.creation.box((0.01, 0.01, 0.01))]) for kind in GRASP_TYPES}
+VOLUMES = {kind: hand_volume([trimesh.creation.box((0.01, 0.01, 0.01))]) for kind in ("NPG", "WPG")}
 
 
 def learning(**changes: float) -> LearningConfig:
@@ -86,7 +85,7 @@ def tiny(folder: Path, trials_per_object: int = 1000) -> Data:
     describer = Describer(sensing, settings(FeatureConfig), settings(AffordanceConfig), VOLUMES, 0)
     collides = [torch.zeros(TRIALS, dtype=torch.bool) for _ in things]
     taught = taught_rows(tables, samples.start, trials_per_object, 0)
-    return Data(things, tables, fold, collides, samples, taught, describer)
+    return Data(things, tables, fold, collides, samples, taught, torch.ones(2, dtype=torch.bool), describer)
 
 
 def write_shards(
@@ -104,7 +103,7 @@ def write_shards(
     for number, half in enumerate(np.array_split(order, 2)):
         with tar.written(folder / shard_name(fold, number)) as shard:
             for i, row in (pairs[at] for at in half):
-                held, kind = bool(tables[i].success[row]), GRASP_TYPES[int(tables[i].grasp_type[row])]
+                held, kind = bool(tables[i].success[row]), tables[i].grasp_types[int(tables[i].grasp_type[row])]
                 about = {"type": kind, "label": int(held), "outcome": "success" if held else "missed"}
                 about |= {"object": things[i].name, "class": things[i].category, "fold": fold, "index": row}
                 buffer = folder / "buffer.npy"

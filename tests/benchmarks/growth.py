@@ -83,14 +83,14 @@ def main() -> None:
                 (type(p)(p.feature[:n], p.grasp[:n], p.cell[:n], p.grasp_type), ids, success)
                 for (p, ids, success), n in zip(examples, cut, strict=True)
             ]
-            learn(parts, centres, CONFIG)
+            learn(parts, centres, CONFIG, types=2)
 
         sizes = tuple(size for size in PARTICLES if size <= sum(held))
         grown(report, "particles (neighbourhood analysis)", by_size(condensed, sizes))
         grown(
             report,
             "objects (described and learned from)",
-            by_size(lambda size: learn([example(i, centres) for i in range(size)], centres, CONFIG), OBJECTS),
+            by_size(lambda size: learn([example(i, centres) for i in range(size)], centres, CONFIG, types=2), OBJECTS),
         )
     cores(report, clouds[max(POINTS)])
     report.write()

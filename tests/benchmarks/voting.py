@@ -108,7 +108,7 @@ def question(centres: Tensor) -> Question:
 
 def by_partition(examples: list[tuple[CellPairs, Tensor, Tensor]]) -> list[tuple[Tensor, ...]]:
     """Position, quaternion and success of the particles of each prototype and type."""
-    parts = [shape_grasp_particles(pairs, ids) for pairs, ids, _ in examples]
+    parts = [shape_grasp_particles(pairs, ids, 2) for pairs, ids, _ in examples]
     position, quaternion = grid_of(CONFIG).centres(torch.cat([part.cell for part in parts]).long())
     success = torch.cat([success[pairs.grasp.long()] for pairs, _, success in examples]).float()
     partitions = torch.cat([part.partition for part in parts])
@@ -118,10 +118,10 @@ def by_partition(examples: list[tuple[CellPairs, Tensor, Tensor]]) -> list[tuple
 def compare(report: Report, size: int, asked: Question, centres: Tensor, devices: list[str]) -> None:
     generator = torch.Generator().manual_seed(size)
     examples = particles(centres, size, generator)
-    methods = {"condense": partial(learn, examples, centres, CONFIG)}
+    methods = {"condense": partial(learn, examples, centres, CONFIG, types=2)}
     for device in devices:
         there = [(on(pairs, device), ids.to(device), success.to(device)) for pairs, ids, success in examples]
-        index = VotingIndex(learn(there, centres.to(device), CONFIG).condensed, grid_of(CONFIG))
+        index = VotingIndex(learn(there, centres.to(device), CONFIG, types=2).condensed, grid_of(CONFIG))
         methods[device] = partial(asked.answered, index, device)
     distance = torch.cdist(se3.position_of(asked.T), se3.position_of(asked.T_grasp))
     within = (distance <= CONFIG.reach).nonzero()

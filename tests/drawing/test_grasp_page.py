@@ -11,7 +11,9 @@ import pytest
 from asymmetric import EXACT, GRIPPERS, asymmetric
 
 from spgf_torch.drawing.grasp_page import write_scene_page
-from spgf_torch.drawing.grasp_scene import PATCHES, look, outline, pieces, scene_of
+from spgf_torch.drawing.grasp_scene import PATCHES, Beside, look, pieces, scene_of
+from spgf_torch.drawing.outline import outline
+from spgf_torch.drawing.page_hands import fractions
 from spgf_torch.errors import InputError
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -33,7 +35,7 @@ def test_the_outline_ends_at_the_fingertips() -> None:
     """Fingers 80 mm apart, out to 15 mm beyond the TCP; in the input's frame the closing direction is +y and the
     approach (0.5, 0, c): the tips lie at (0.1, 0.2, 0.3) + 0.015 (0.5, 0, c) -+ 0.04 (0, 1, 0) =
     (0.1075, 0.16 or 0.24, 0.3129904)."""
-    _, palm, left, right = outline(GRIPPERS["WPG"])
+    _, palm, left, right = outline(GRIPPERS["WPG"], 0.045, 0.03)
     assert palm[:, 0].tolist() == [-0.04, 0.04] and left[1].tolist() == [-0.04, 0, 0.015]
     assert right[0].tolist() == palm[1].tolist()
     segments = scene_of(*ball(), [asymmetric()], GRIPPERS).outlines[0]
@@ -84,13 +86,21 @@ def test_unusable_clouds_are_told_in_one_line(points: tuple[int, ...], normals: 
         scene_of(np.zeros(points), np.zeros(normals), [], GRIPPERS)
 
 
+def closing(way: float) -> np.ndarray:
+    """(9, 2, 4, 4): the two fingers of `GRIPPERS`, which close along x by `way` each."""
+    moves = np.tile(np.eye(4), (9, 2, 1, 1))
+    moves[:, 0, 0, 3], moves[:, 1, 0, 3] = way * fractions(), -way * fractions()
+    return moves
+
+
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three grasps, with names of prototypes that would break a careless page."""
     folder = tmp_path_factory.mktemp("scene")
     grasps = [asymmetric(), asymmetric("NPG", 0.5), asymmetric("WPG", 0.0)]
     names = [f"</script><b>rim {i}" for i in range(8)]
-    write_scene_page(folder / "grasps.html", folder / "grasps.png", *ball(), grasps, GRIPPERS, names)
+    beside = Beside(closing={"WPG": closing(0.04), "NPG": closing(0.02)})
+    write_scene_page(folder / "grasps.html", folder / "grasps.png", *ball(), grasps, GRIPPERS, names, beside)
     return folder
 
 
@@ -101,6 +111,11 @@ def test_the_page_needs_nothing_else(written: Path) -> None:
     assert not re.search(r"""(src|href)=["']?(https?:)?//|url\(["']?(https?:)?//|@import""", own)
     content = json.loads(re.search(r'<script type="application/json">(.*?)</script>', text, re.DOTALL)[1])
     assert [len(content[key]) for key in ("outlines", "hands", "approaches")] == [3, 3, 3]
+    assert [hand["type"] for hand in content["hands"]] == ["WPG", "NPG", "WPG"]
+    wide = content["shapes"]["WPG"]
+    assert wide["starts"] == [0, 8, 16] and min(wide["x"]) == -50 and max(wide["z"]) == 15
+    assert wide["moves"][4] == [[1, 0, 0, 20, 0, 1, 0, 0, 0, 0, 1, 0], [1, 0, 0, -20, 0, 1, 0, 0, 0, 0, 1, 0]]
+    assert content["hands"][0]["pose"][:4] == [0, -0.866025, 0.5, 100]
     assert [line["line"]["color"] for line in content["outlines"][1:]] == ["#f2b33d", "#c8102e"]
     words = content["outlines"][0]["text"]
     assert all(part in words for part in ("<b>1</b>", "WPG", "88 %", "42 votes", "rim 7 71 %", "rim 3 29 %"))
@@ -121,7 +136,11 @@ def test_a_browser_turns_and_chooses(written: Path, tmp_path: Path) -> None:
     then = """<script>addEventListener("DOMContentLoaded", () => {
       document.querySelectorAll("#ranked tbody tr")[1].click();
       const plot = document.querySelector(".plot");
-      console.log("drawn", plot.data.length, document.querySelector("select").selectedIndex);
+      const slider = document.querySelector(".close input"), before = plot.data.at(-2).y[0];
+      slider.value = 0.75;
+      slider.dispatchEvent(new Event("input"));
+      console.log("drawn", plot.data.length, document.querySelector("select").selectedIndex,
+        (plot.data.at(-2).y[0] - before).toFixed(2));
     });</script></body>"""
     page, picture = tmp_path / "page.html", tmp_path / "page.png"
     page.write_text((written / "grasps.html").read_text().replace("</body>", then))
@@ -130,4 +149,5 @@ def test_a_browser_turns_and_chooses(written: Path, tmp_path: Path) -> None:
     console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     wrong = [line for line in console if "Error" in line or "Uncaught" in line or ":ERROR:" in line or "ERR_" in line]
     assert not wrong and picture.stat().st_size > 20_000, done.stderr
-    assert any('"drawn 8 2"' in line for line in console), console  # cloud, 3 outlines, ranks, bar; hand and its way
+    # Cloud, 3 outlines, ranks, bar; hand and its way. The first finger closes along +y of the input by 3/4 of 20 mm.
+    assert any('"drawn 8 2 15.00"' in line for line in console), console

@@ -31,4 +31,4 @@ def test_pairing_is_narrower_than_two_intervals() -> None:
 
 def test_a_type_without_grasps_succeeds_never() -> None:
     score, success = np.array([1.0, 2.0]), np.array([True, True])
-    assert top_n(score, success, np.array([0, 0]), n=10) == {"NPG": 1.0, "WPG": 0.0, "CG": 1.0}
+    assert top_n(score, success, np.array([0, 0]), 10, ("NPG", "WPG")) == {"NPG": 1.0, "WPG": 0.0, "CG": 1.0}

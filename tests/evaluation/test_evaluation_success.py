@@ -27,6 +27,7 @@ from spgf_torch.hands.config import HandConfig
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings
 
+TYPES = ("NPG", "WPG")
 CLASSES_OF_50 = ["containers"] * 20 + ["boxes"] * 14 + ["curved"] * 16
 
 
@@ -82,22 +83,22 @@ def hand_made() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def test_top_n_by_hand() -> None:
     """Best two NPG: 0, 1 -> 1/2; WPG: 3, 4 -> 1/2; both together: 0, 3, and of the tie the earlier: 1 -> 1/3."""
-    assert top_n(*hand_made(), n=2) == {"NPG": 0.5, "WPG": 0.5, "CG": 0.5}
-    assert top_n(*hand_made(), n=3)["CG"] == pytest.approx(1 / 3)
+    assert top_n(*hand_made(), 2, TYPES) == {"NPG": 0.5, "WPG": 0.5, "CG": 0.5}
+    assert top_n(*hand_made(), 3, TYPES)["CG"] == pytest.approx(1 / 3)
 
 
 def test_grasps_without_support_come_last() -> None:
     score, success, grasp_type = hand_made()
     score[0] = -np.inf
-    assert top_n(score, success, grasp_type, n=1)["NPG"] == 0.0
+    assert top_n(score, success, grasp_type, 1, TYPES)["NPG"] == 0.0
 
 
 def test_random_and_ceiling_by_hand() -> None:
     _, success, grasp_type = hand_made()
-    assert random_rate(success, grasp_type) == pytest.approx({"NPG": 2 / 3, "WPG": 2 / 3, "CG": 4 / 6})
+    assert random_rate(success, grasp_type, TYPES) == pytest.approx({"NPG": 2 / 3, "WPG": 2 / 3, "CG": 4 / 6})
     among = np.array([True, True, False, False, False, False])
-    assert random_rate(success, grasp_type, among) == {"NPG": 0.5, "WPG": 0.0, "CG": 0.5}
-    assert ceiling(success, grasp_type, 4) == {"NPG": 0.5, "WPG": 0.5, "CG": 1.0}
+    assert random_rate(success, grasp_type, TYPES, among) == {"NPG": 0.5, "WPG": 0.0, "CG": 0.5}
+    assert ceiling(success, grasp_type, 4, TYPES) == {"NPG": 0.5, "WPG": 0.5, "CG": 1.0}
 
 
 def test_all_is_the_mean_over_objects_as_in_table_1() -> None:
@@ -133,14 +134,17 @@ def predictions() -> list[Predictions]:
         chosen = "log_odds" if i % 5 else "paper"
         collides = rng.random(60) < 0.3
         objects.append(
-            Predictions(f"o{i}", name, i % 5, chosen, scores, before, after, votes, success, grasp_type, collides, pose)
+            Predictions(
+                f"o{i}", name, i % 5, chosen, scores, before, after, votes, success, grasp_type, collides, pose, TYPES
+            )
         )
     return objects
 
 
 @pytest.fixture
 def config() -> TrainConfig:
-    return TrainConfig(K=20, N=10, folds=5, seed=0, ranking="paper", bootstrap=200)
+    hand = settings(HandConfig)
+    return TrainConfig(K=20, N=10, folds=5, seed=0, ranking="paper", bootstrap=200, hand=hand)
 
 
 def test_results_keep_the_contract(config: TrainConfig) -> None:
@@ -212,7 +216,7 @@ def test_files_round_trip(config: TrainConfig, tmp_path) -> None:
 
 
 def test_the_model_card_says_what_was_measured(config: TrainConfig) -> None:
-    for room, values in (("hand", HandConfig), ("features", FeatureConfig), ("affordance", AffordanceConfig)):
+    for room, values in (("features", FeatureConfig), ("affordance", AffordanceConfig)):
         setattr(config, room, settings(values))
     config.sensing, config.objects, config.trials = settings(SensingConfig), "data/objects", "data/trials"
     results = build_results(predictions(), config, "d1")

@@ -29,24 +29,24 @@ AFFORDANCE = settings(
 )
 
 
-def world(cells: int, lawful: bool = True) -> list[DescribedObject]:
+def world(cells: int, lawful: bool = True, types: tuple[str, ...] = ("NPG", "WPG")) -> list[DescribedObject]:
     """The objects. Lawful: kind, cell and type of a grasp's pairs decide how often it succeeds; else it is chance."""
     generator = torch.Generator().manual_seed(0)
     places = torch.randperm(grid_of(AFFORDANCE).cells, generator=generator)[:cells].int()
-    law = torch.randn(KINDS, cells, 2, generator=generator)
-    return [_object(places, law if lawful else torch.zeros_like(law), generator) for _ in FOLD]
+    law = torch.randn(KINDS, cells, len(types), generator=generator)
+    return [_object(places, law if lawful else torch.zeros_like(law), types, generator) for _ in FOLD]
 
 
-def _object(places: Tensor, law: Tensor, generator: torch.Generator) -> DescribedObject:
+def _object(places: Tensor, law: Tensor, types: tuple[str, ...], generator: torch.Generator) -> DescribedObject:
     kind = torch.randint(KINDS, (FEATURES,), generator=generator)
     relations = 4 * torch.eye(KINDS)[kind] + 0.3 * torch.randn(FEATURES, KINDS, generator=generator)
-    grasp, grasp_type = torch.arange(GRASPS).repeat_interleave(EACH), torch.arange(GRASPS) % 2
+    grasp, grasp_type = torch.arange(GRASPS).repeat_interleave(EACH), torch.arange(GRASPS) % len(types)
     feature = torch.randint(FEATURES, (GRASPS * EACH,), generator=generator)
     place = torch.randint(len(places), (GRASPS * EACH,), generator=generator)
     chance = law[kind[feature], place, grasp_type[grasp]].view(GRASPS, EACH).sum(1).sigmoid()
     pairs = CellPairs(feature.int(), grasp.int(), places[place], grasp_type)
     collides = torch.rand(GRASPS, generator=generator) < 0.2
-    return DescribedObject(relations, pairs, collides, torch.rand(GRASPS, generator=generator) < chance)
+    return DescribedObject(relations, pairs, collides, types, torch.rand(GRASPS, generator=generator) < chance)
 
 
 def experiment(examples: list[DescribedObject], **changes: Any) -> Experiment:

@@ -15,7 +15,7 @@ from spgf_torch.affordance.pairs import CellPairs
 from spgf_torch.affordance.ranking import GraspScores
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.cross_validation import calibrate, calibrated_elsewhere, choose
-from spgf_torch.experiment.described_object import DescribedObject
+from spgf_torch.experiment.described_object import DescribedObject, sample_of_each_type
 from spgf_torch.experiment.experiment import Design, Experiment
 from spgf_torch.experiment.learning import side_by_side
 from spgf_torch.progress import ProgressReporter
@@ -46,7 +46,7 @@ def test_a_single_training_fold_is_halved() -> None:
 def example(grasps: int) -> DescribedObject:
     none, grasp_type = torch.zeros(0, dtype=torch.int32), torch.arange(grasps) % 2
     pairs, success = CellPairs(none, none, none, grasp_type), torch.arange(grasps) % 3 == 0
-    return DescribedObject(torch.zeros(1, 144), pairs, torch.zeros(grasps).bool(), success)
+    return DescribedObject(torch.zeros(1, 144), pairs, torch.zeros(grasps).bool(), ("NPG", "WPG"), success)
 
 
 def test_samples_of_grasps() -> None:
@@ -58,6 +58,14 @@ def test_samples_of_grasps() -> None:
     assert obj.of_grasps(torch.arange(40)) is obj  # nothing is copied
     some = obj.of_grasps(torch.tensor([3, 8]))
     assert some.outcomes.tolist() == [True, False] and some.grasp_type.tolist() == [1, 0]
+
+
+def test_a_sample_of_each_of_three_types() -> None:
+    """Of one, five and three at most three each; the codes need not begin at 0."""
+    grasp_type = torch.tensor([2, 1, 2, 2, 3, 2, 3, 2, 3])
+    found = sample_of_each_type(grasp_type, 3, torch.Generator().manual_seed(0))
+    assert torch.bincount(grasp_type[found]).tolist() == [0, 1, 3, 3] and found.tolist() == sorted(set(found.tolist()))
+    assert len(sample_of_each_type(grasp_type[:0], 3, torch.Generator())) == 0
 
 
 def test_what_nobody_tried_teaches_nothing() -> None:
@@ -72,7 +80,7 @@ def scores_of(log_odds: Tensor, paper: Tensor | None = None) -> GraspScores:
     """NPG without sensed collisions, one vote each."""
     paper, zero = log_odds if paper is None else paper, torch.zeros(len(log_odds), dtype=torch.long)
     by_ranking = {"paper": paper, "log_odds": log_odds, "log_odds_free": log_odds}
-    return GraspScores(zero + 1, paper, paper, by_ranking, zero, zero.bool())
+    return GraspScores(zero + 1, paper, paper, by_ranking, zero, zero.bool(), 2)
 
 
 @pytest.mark.parametrize(("winner", "paper", "log_odds"), [("paper", 1.0, 0.0), ("log_odds", 0.0, 1.0)])

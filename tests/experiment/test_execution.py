@@ -19,13 +19,30 @@ def block() -> GraspObject:
 
 def test_best_grasps_by_hand() -> None:
     """NPG: 0 (0.9), 2 (0.1); WPG: 3 and 1 tie at 0.5, the earlier first; both: 0, 1."""
-    best = best_grasps(torch.tensor([0.9, 0.5, 0.1, 0.5]), torch.tensor([0, 1, 0, 1]), n=2)
+    best = best_grasps(torch.tensor([0.9, 0.5, 0.1, 0.5]), torch.tensor([0, 1, 0, 1]), 2, ("NPG", "WPG"))
     assert {kind: chosen.tolist() for kind, chosen in best.items()} == {"NPG": [0, 2], "WPG": [1, 3], "CG": [0, 1]}
 
 
+def test_best_grasps_of_three_types() -> None:
+    """Of one claw, a hook without a vote and three pinches; of all, the first two by score."""
+    score, types = torch.tensor([0.3, -torch.inf, 0.1, 0.9, 0.4]), torch.tensor([0, 1, 2, 2, 2])
+    best = best_grasps(score, types, 2, ("claw", "hook", "pinch"))
+    found = {kind: chosen.tolist() for kind, chosen in best.items()}
+    assert found == {"claw": [0], "hook": [], "pinch": [3, 4], "CG": [3, 4]}
+
+
+def test_candidates_of_each_type_are_by_its_sampler(block: GraspObject) -> None:
+    """Approaches look along the normal of a face; the type before them has the poses that it has alone."""
+    sampler = settings(SamplerConfig, jitter_deg=0, jitter=0)
+    both = candidate_grasps(block, 20, sampler, 0, {"claw": "surface_pairs", "scoop": "approach"})
+    alone = candidate_grasps(block, 20, sampler, 0, {"claw": "surface_pairs"})
+    assert torch.equal(both.T_object_tcp[:20], alone.T_object_tcp) and both.grasp_type.tolist() == [0] * 20 + [1] * 20
+    assert torch.allclose(both.T_object_tcp[20:, :3, 2].abs().max(1).values, torch.ones(20), atol=1e-6)
+
+
 def test_candidates_follow_from_seed_and_name(block: GraspObject) -> None:
-    sampler = settings(SamplerConfig)
-    first, again, other = (candidate_grasps(block, 20, sampler, seed) for seed in (0, 0, 1))
+    sampler, samplers = settings(SamplerConfig), dict.fromkeys(("NPG", "WPG"), "surface_pairs")
+    first, again, other = (candidate_grasps(block, 20, sampler, seed, samplers) for seed in (0, 0, 1))
     assert torch.equal(first.T_object_tcp, again.T_object_tcp)
     assert not torch.equal(first.T_object_tcp, other.T_object_tcp)
     assert first.grasp_type.tolist() == [0] * 20 + [1] * 20

@@ -102,7 +102,7 @@ def known(success: torch.Tensor) -> GraspScores:
     paper, log_odds = (~success).float(), success.float()
     paper[success.nonzero()[0]], log_odds[(~success).nonzero()[0]] = 2.0, 2.0
     by_ranking = {"paper": paper, "log_odds": log_odds, "log_odds_free": log_odds}
-    return GraspScores(one.long(), one, one, by_ranking, none, success & False)
+    return GraspScores(one.long(), one, one, by_ranking, none, success & False, 2)
 
 
 @pytest.mark.parametrize(("inner_grasps", "N", "chosen"), [(20, 3, "paper"), (20, 7, "log_odds"), (60, 3, "log_odds")])

@@ -32,12 +32,14 @@ from small_trials import (
 
 from spgf_torch.errors import InputError
 from spgf_torch.formats.acronym import MOTIONS, read_acronym, write_acronym
+from spgf_torch.formats.card import rates
 from spgf_torch.formats.common import read_joints, read_split, write_common
-from spgf_torch.formats.graspgen import OFFSET, read_graspgen, read_gripper, write_graspgen
+from spgf_torch.formats.graspgen import OFFSET, gripper_yaml, read_graspgen, read_gripper, write_graspgen
 from spgf_torch.formats.graspnet import read_graspnet, write_graspnet_trials
 from spgf_torch.formats.isaac import read_isaac, write_isaac_trials
 from spgf_torch.formats.shards import read_shards, write_shards
 from spgf_torch.formats.trial_sets import TrialSet
+from spgf_torch.formats.write_datasets import check_jaws
 
 T_GRIPPER_TCP = np.array([[1, 0, 0, 0], [0, 1, 0, -0.02], [0, 0, 1, 0.2], [0, 0, 0, 1]])  # minus (0, 0.02, -0.2)
 
@@ -278,7 +280,38 @@ def test_the_hands_root_is_the_gripper(trials: TrialSet, tmp_path: Path) -> None
     np.testing.assert_allclose(xyz, 0, atol=1e-12)
     turned = Rotation.from_euler("xyz", rpy).apply([0, 1, 0])
     np.testing.assert_allclose(turned, [1, 0, 0], atol=1e-9)  # its y is the closing direction
-    assert (tmp_path / "hand/parts/palm.stl").is_file()
+    [mesh] = list(robot.iter("mesh"))
+    piece = trimesh.load_mesh(tmp_path / "hand" / mesh.get("filename"))
+    np.testing.assert_allclose(piece.extents, 0.1)  # of the palm's mesh file, beside the URDF wherever that was
+
+
+def test_a_hand_of_any_kind_is_exported_where_a_format_can_say_it(tmp_path: Path) -> None:
+    """Three types of a hand that is no jaw: isaac has its joints; formats of jaws refuse it in a line."""
+    trials = small_trials(tmp_path / "given", ("hook", "pinch", "sphere"), jaws=False)
+    write_isaac_trials(tmp_path / "isaac", trials, nothing)
+    read = read_isaac(tmp_path / "isaac/claw_sphere/box_a.yaml")
+    assert [grasp.name for grasp in read.grasps] == ["grasp_4", "grasp_5"]
+    assert [grasp.confidence for grasp in read.grasps] == [0.0, 1.0]
+    assert read.grasps[0].pregrasp_cspace == {"left": 0.04, "right": 0.04}
+    for name in ("acronym", "graspgen", "graspnet"):
+        with pytest.raises(InputError, match=rf"isaac for a hand with the grasp type hook.*got {name}"):
+            check_jaws(trials.grippers.values(), ["isaac", name])
+    check_jaws(trials.grippers.values(), ["isaac", "webdataset"])
+    check_jaws(small_trials(tmp_path / "jaws").grippers.values(), ["acronym", "graspgen", "graspnet"])
+
+
+def test_graspgen_follows_the_symmetry_of_the_preshape(trials: TrialSet) -> None:
+    claw = trials.grippers["NPG"]
+    assert yaml.safe_load(gripper_yaml(claw))["symmetric_antipodal"] is True
+    assert yaml.safe_load(gripper_yaml(replace(claw, symmetry=1)))["symmetric_antipodal"] is False
+
+
+def test_the_card_has_a_column_a_type(tmp_path: Path) -> None:
+    """Of hook one of two held on each object, of sphere and pinch too: a row all, 2 of 4 of each."""
+    trials = small_trials(tmp_path, ("hook", "pinch", "sphere"), jaws=False)
+    told = rates(trials)
+    assert list(told["all"]) == ["hook", "pinch", "sphere"]
+    assert told["all"]["sphere"] == {"trials": 4, "success": 2, "rate": 0.5}
 
 
 def test_names_that_acronym_could_not_tell_apart(trials: TrialSet, tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "versions": {"sapien": "3"},
     }
     (folder / "run_state").mkdir()
-    run_state = RunState(folder / "run_state", (1, 1), made_with)
+    run_state = RunState(folder / "run_state", (1, 1), made_with, types=2)
     run_state.write_manifest()
     folds = held_out(folder / "held")
     return {

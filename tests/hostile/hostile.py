@@ -169,7 +169,8 @@ def model_document() -> dict[str, Any]:
     known = dict(zip(("sensing", "features", "prototypes", "affordance", "hand"), rooms, strict=True))
     made = {name: plain(settings(kind)) for name, kind in known.items()}
     lattice = {key: made["affordance"][key] for key in ("reach", "voxel", "rotation_deg")}
-    return {"format": FORMAT, "schema": SCHEMA, "lattice": lattice, "settings": made}
+    about = {"format": FORMAT, "schema": SCHEMA, "lattice": lattice, "settings": made}
+    return about | {"grasp_types": ["NPG", "WPG"]}
 
 
 # How a file comes about.

@@ -62,6 +62,11 @@ def one_word(count: int) -> pa.DictionaryArray:
     return pa.DictionaryArray.from_arrays(np.zeros(count, np.int8), pa.array(["A" * 10**6]))
 
 
+def types(*words: str | None) -> Callable[[pa.Table], pa.Table]:
+    """The table with other words for its two types, a thousand rows each."""
+    return lambda made: made.set_column(1, "type", pa.array(np.repeat(np.array(words, dtype=object), 1000)))
+
+
 def lists(count: int) -> pa.ListArray:
     """A thousand zeros in every row."""
     return pa.ListArray.from_arrays(np.arange(count + 1, dtype=np.int32) * 1000, np.zeros(count * 1000, np.int8))
@@ -119,8 +124,11 @@ TABLES: list[tuple[str, Write, str]] = [
     ("of another seed", parquet(notes=origin(seed=7)), "seed"),
     ("of candidates in words", parquet(notes=origin(candidates="many")), "trials"),
     ("of a trillion candidates", parquet(notes=origin(candidates=10**12)), "trials"),
-    ("with rows missing", parquet(lambda made: made.slice(0, 100)), "2000"),
-    ("without rows", parquet(lambda made: made.slice(0, 0)), "2000"),
+    ("with rows missing", parquet(lambda made: made.slice(0, 100)), "1000 trials of each"),
+    ("without rows", parquet(lambda made: made.slice(0, 0)), "1000 trials of each"),
+    ("of one type alone", parquet(lambda made: made.slice(0, 1000)), "grasp types NPG, WPG; got NPG"),
+    ("of other types", parquet(types("NPG", "grip")), "grasp types NPG, WPG; got NPG, grip"),
+    ("of types null", parquet(types("NPG", None)), "type"),
     ("without x", parquet(lambda made: made.drop_columns("x")), "columns"),
     ("without outcomes", parquet(lambda made: made.drop_columns("outcome")), "columns"),
     ("with x twice", parquet(lambda made: made.append_column("x", made["x"])), "columns"),
@@ -295,6 +303,9 @@ SETTINGS: list[tuple[str, Write, str]] = [
     ("a key less", document(lambda m: m["settings"]["features"].pop("radius") and None), "radius"),
     ("a radius of words", room("features", radius="wide"), "radius"),
     ("a radius of NaN", room("features", radius=float("nan")), "radius"),
+    ("no grasp types", document(lambda m: m.pop("grasp_types") and None), "grasp_types"),
+    ("grasp types of another hand", document(lambda m: {**m, "grasp_types": ["WPG", "NPG"]}), "grasp_types"),
+    ("100,000 grasp types", document(lambda m: {**m, "grasp_types": ["A"] * 10**5}), "grasp_types"),
     ("the environment", room("hand", name="${oc.env:HOME}"), "plain"),
     ("a room of a number", document(lambda m: m["settings"].update(sensing=3)), "sensing"),
     ("the seal of another file", document(lambda m: {**m, "seal": BLANK.decode()}), "damaged"),

@@ -58,7 +58,7 @@ def given(config: TrainConfig) -> Given:
         free = clearance.free_of_points(texlets.positions, table.T_object_tcp, table.grasp_type)
         pairs = CellPairs(none, none, none, table.grasp_type)
         tables.append(table)
-        examples.append(DescribedObject(torch.zeros(1, 144), pairs, ~free, table.success))
+        examples.append(DescribedObject(torch.zeros(1, 144), pairs, ~free, table.grasp_types, table.success))
     return objects, tables, examples
 
 

@@ -24,6 +24,7 @@ from spgf_torch.simulation import executors
 from spgf_torch.train import run as train
 
 ROOT = Path(__file__).parents[2]
+TYPES = ("NPG", "WPG")
 
 
 @pytest.fixture(scope="module")
@@ -38,19 +39,31 @@ def own() -> OwnTrials:
         poses = Hypotheses(random_poses(5, generator), torch.tensor([0, 1, 0, 1, 1]))
         rank = torch.tensor([0, 1, 2, PICKED, PICKED])
         chosen = Chosen(poses, torch.tensor([0, 1, 2, 3, 3]), rank, torch.rand(5, generator=generator))
-        parts.append(replace(OwnTrials.of(provenance, chosen, number), outcome=torch.arange(5) + number - 1))
+        parts.append(replace(OwnTrials.of(provenance, chosen, number, TYPES), outcome=torch.arange(5) + number - 1))
         assert torch.allclose(parts[-1].chosen.poses.T, poses.T, atol=1e-6)
     return OwnTrials.together(parts)
 
 
 def test_a_table_comes_back_bit_by_bit(own: OwnTrials, tmp_path: Path) -> None:
     write_own(tmp_path, own)
-    back = read_own(tmp_path, [own.provenance])[0]
+    back = read_own(tmp_path, [own.provenance], TYPES)[0]
     assert back.provenance == own.provenance and back.round.tolist() == [1] * 5 + [2] * 5
     for number in (1, 2):
         a, b = own.at_round(number), back.at_round(number)
         assert torch.equal(a.chosen.poses.T, b.chosen.poses.T) and torch.equal(a.outcome, b.outcome)
         assert torch.equal(a.probability, b.probability) and torch.equal(a.rank, b.rank)
+
+
+def test_types_that_nothing_was_chosen_of_keep_their_codes(own: OwnTrials, tmp_path: Path) -> None:
+    """Of four types the judges chose the first and the third; to a hand without the third they are foreign."""
+    four = ("claw", "hook", "pinch", "scoop")
+    made = replace(own, grasp_type=2 * own.grasp_type, grasp_types=four)
+    write_own(tmp_path, made)
+    (back,) = read_own(tmp_path, [own.provenance], four)
+    assert back.grasp_types == four and back.grasp_type.tolist() == [0, 2, 0, 2, 2] * 2
+    assert back.at_round(2).grasp_types == four
+    with pytest.raises(InputError, match="expected type one of claw, hook, scoop; got pinch"):
+        read_own(tmp_path, [own.provenance], ("claw", "hook", "scoop"))
 
 
 @pytest.mark.parametrize(
@@ -66,27 +79,27 @@ def test_tables_of_something_else_are_refused(own: OwnTrials, tmp_path: Path, ch
     write_own(tmp_path, own)
     values = {key: {**getattr(own.provenance, key), **v} if isinstance(v, dict) else v for key, v in change.items()}
     with pytest.raises(InputError) as error:
-        read_own(tmp_path, [replace(own.provenance, **values)])
+        read_own(tmp_path, [replace(own.provenance, **values)], TYPES)
     assert all(word in str(error.value) for word in ["egg.parquet", *words]), error.value
 
 
 def test_damaged_tables_are_refused(own: OwnTrials, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"egg\.parquet: expected a table .* no such file"):
-        read_own(tmp_path, [own.provenance])
+        read_own(tmp_path, [own.provenance], TYPES)
     for name, values in (("rank", [7] * 10), ("cloud", [9] * 10), ("probability", [1.5] * 10), ("round", [4] * 10)):
         write_own(tmp_path, replace(own, **{name: torch.tensor(values)}))
         with pytest.raises(InputError, match=rf"expected {name} from"):
-            read_own(tmp_path, [own.provenance])
+            read_own(tmp_path, [own.provenance], TYPES)
     write_own(tmp_path, own)
     path = tmp_path / "egg.parquet"
     content = bytearray(path.read_bytes())
     content[200] ^= 1
     path.write_bytes(content)
     with pytest.raises(InputError, match="damaged or edited"):
-        read_own(tmp_path, [own.provenance])
+        read_own(tmp_path, [own.provenance], TYPES)
     shutil.copy(ROOT / "data/trials/egg.parquet", path)
     with pytest.raises(InputError, match=r"egg\.parquet: expected a table of trials that judges chose"):
-        read_own(tmp_path, [own.provenance])
+        read_own(tmp_path, [own.provenance], TYPES)
 
 
 def test_a_judge_from_tables_is_that_of_the_run_to_the_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

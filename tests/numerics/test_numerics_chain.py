@@ -53,7 +53,7 @@ def model() -> GraspModel:
     grasps = se3.random_poses(400, generator, extent=0.03)
     pairs = cell_pairs(features.T_object_feature, grasps, torch.arange(400) % 2, AFFORDANCE)
     success = torch.rand(400, generator=generator) < 0.4
-    made = learn([(pairs, assign(features.relations(), centres), success)], centres, AFFORDANCE)
+    made = learn([(pairs, assign(features.relations(), centres), success)], centres, AFFORDANCE, types=2)
     return GraspModel(made.centres, made.condensed, made.grid, made.calibration, learned(generator).settings)
 
 

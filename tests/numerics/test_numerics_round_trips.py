@@ -122,9 +122,8 @@ def test_trial_tables(rows: int, seed: int, name: str) -> None:
     T = se3.random_poses(2 * rows, generator)
     provenance = Provenance(name, "0" * 64, "1" * 64, {"jitter": 0.1}, {"dt": 0.002}, rows, seed)
     outcome = torch.randint(6, (2 * rows,), generator=generator)
-    made = TrialTable(
-        provenance, se3.position_of(T), se3.quaternion_of(T), torch.arange(2 * rows) % 2, outcome, {"sapien": "3"}
-    )
+    poses, types = (se3.position_of(T), se3.quaternion_of(T)), torch.arange(2 * rows) % 2
+    made = TrialTable(provenance, *poses, types, outcome, {"sapien": "3"}, ("NPG", "WPG"))
     with tempfile.TemporaryDirectory() as folder:
         first, second = Path(folder, "a.parquet"), Path(folder, "b.parquet")
         write_table(first, made)
@@ -172,7 +171,9 @@ def test_neighbours_of_few_points(cloud: np.ndarray) -> None:
 def test_a_table_in_other_columns_order_is_the_same(tmp_path: Path) -> None:
     T = se3.random_poses(4, torch.Generator().manual_seed(0))
     provenance = Provenance("a", "0", "1", {}, {}, 2, 0)
-    made = TrialTable(provenance, se3.position_of(T), se3.quaternion_of(T), torch.arange(4) % 2, torch.arange(4), {})
+    made = TrialTable(
+        provenance, se3.position_of(T), se3.quaternion_of(T), torch.arange(4) % 2, torch.arange(4), {}, ("NPG", "WPG")
+    )
     write_table(tmp_path / "a.parquet", made)
     table = pq.read_table(tmp_path / "a.parquet")
     unsealed = {KEY: table.schema.metadata[KEY]}

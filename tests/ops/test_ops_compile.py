@@ -68,7 +68,9 @@ def model(texlets: tuple[Tensor, Tensor], grasps: tuple[Tensor, Tensor]) -> Gras
     pairs = cell_pairs(features.T_object_feature[features.valid], *grasps, AFFORDANCE)
     success = torch.rand(50, generator=torch.Generator().manual_seed(2)) < 0.4
     assert not features.valid[0] and len(kernel_of(AFFORDANCE).turn)
-    return learn([(pairs, assign(features.relations()[features.valid], centres), success)], centres, AFFORDANCE)
+    return learn(
+        [(pairs, assign(features.relations()[features.valid], centres), success)], centres, AFFORDANCE, types=2
+    )
 
 
 @backends

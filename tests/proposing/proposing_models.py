@@ -60,5 +60,5 @@ def learned(generator: torch.Generator, prototypes: int = 3) -> GraspModel:
     pairs = cell_pairs(patches(40, generator).float(), grasps, torch.arange(200) % 2, AFFORDANCE)
     ids = torch.randint(prototypes, (40,), generator=generator)
     success = torch.rand(200, generator=generator) < 0.5
-    model = learn([(pairs, ids, success)], centres(prototypes), AFFORDANCE)
+    model = learn([(pairs, ids, success)], centres(prototypes), AFFORDANCE, types=2)
     return GraspModel(model.centres, model.condensed, model.grid, model.calibration, SETTINGS)

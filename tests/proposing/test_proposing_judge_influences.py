@@ -40,13 +40,13 @@ def test_numbers_are_weighed_against_the_usual() -> None:
 
 def test_words_have_units() -> None:
     weights = [Weight("worst_finger", 0.12, 0.4, 1.0), Weight("margin", 0.006, 0.004, -0.5), Weight("type", 0, 1, 0.2)]
-    assert weighed_words(weights) == (
+    assert weighed_words(weights, ("NPG", "WPG")) == (
         "+ unseen space in the worse finger 12 % (usual 40 %); - nearest point to the hand 6 mm (usual 4 mm); "
         "+ grasp type NPG (usual WPG)"
     )
-    assert weighed_words([Weight("new", 0.5, 0.25, 1.0)]) == "+ new 0.50 (usual 0.25)"
+    assert weighed_words([Weight("new", 0.5, 0.25, 1.0)], ()) == "+ new 0.50 (usual 0.25)"
 
 
 def test_every_number_has_words() -> None:
     for name in NAMES:
-        assert not weighed_words([Weight(name, 0.0, 1.0, 1.0)]).startswith(f"+ {name} "), name
+        assert not weighed_words([Weight(name, 0.0, 1.0, 1.0)], ("NPG", "WPG")).startswith(f"+ {name} "), name

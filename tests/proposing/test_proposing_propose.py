@@ -110,7 +110,7 @@ def test_scores_are_those_of_candidates(proposer: Proposer, model: GraspModel, f
     found = proposer.propose_from(features, NOTHING)
     pairs = cell_pairs(features.T_object_feature.float(), found.T_object_tcp, found.grasp_type, AFFORDANCE)
     ids = torch.cdist(features.relations(), model.centres).argmin(1)
-    votes = cast_votes(proposer.index, shape_grasp_particles(pairs, ids), pairs.grasp.long())
+    votes = cast_votes(proposer.index, shape_grasp_particles(pairs, ids, 2), pairs.grasp.long())
     config = replace(AFFORDANCE, vote_shrinkage=CONFIG.vote_shrinkage)
     free = torch.zeros(len(found), dtype=torch.bool)
     scores = score_grasps(votes, model.condensed.base_rate, found.grasp_type, free, config)

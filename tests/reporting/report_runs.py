@@ -67,6 +67,7 @@ def predictions(skill: float, seed: int) -> list[Predictions]:
                 grasp_type=np.repeat([0, 1], CANDIDATES),
                 collides=np.zeros(len(success), dtype=bool),
                 pose=pose,
+                grasp_types=("NPG", "WPG"),
             )
         )
     return objects

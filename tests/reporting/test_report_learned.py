@@ -8,8 +8,10 @@ from spgf_torch.affordance.calibration import TERMS, Calibration
 from spgf_torch.affordance.model import GraspModel
 from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.geometry.se3_grid import SE3Grid
+from spgf_torch.hands.config import HandConfig
 from spgf_torch.prototypes.naming import gaps
-from spgf_torch.reporting.figures.learned import Members, best_percent, fork, ring_positions, rings, spread
+from spgf_torch.reporting.figures.learned import Members, best_percent, ring_positions, rings, spread
+from spgf_torch.settings import plain, settings
 
 
 def test_ring_cells_lie_where_alpha1_says() -> None:
@@ -50,12 +52,6 @@ def test_members_are_averaged_without_their_gaps() -> None:
     assert members.seen[2, 0].all() and members.degrees[2].tolist() == prototypes[2].tolist()  # of none: as it is
 
 
-def test_fork_ends_at_the_pads_and_approaches_along_z() -> None:
-    handle, palm, left, right = fork(0.08)
-    assert handle[0, 2] < handle[1, 2] == palm[0, 2] == left[0, 2] < left[1, 2] == 0
-    assert right[1, 0] - left[1, 0] == pytest.approx(0.08)
-
-
 def test_spread_takes_the_farthest_next() -> None:
     position = np.array([[0, 0, 0], [0.01, 0, 0], [0.1, 0, 0], [0.05, 0, 0]])
     still = np.tile([1.0, 0, 0, 0], (4, 1))
@@ -72,6 +68,7 @@ def test_best_percent_is_of_one_prototype_and_type() -> None:
     cell, support = torch.arange(165), torch.full((165,), 3.0)
     condensed = Condensed(start, cell, probability, support, torch.tensor([0.1, 0.4]))
     calibration = Calibration(torch.zeros(2, len(TERMS)))
-    model = GraspModel(torch.zeros(2, 144), condensed, SE3Grid(0.1, 0.012, 22.5), calibration)
+    hand = {"hand": plain(settings(HandConfig))}
+    model = GraspModel(torch.zeros(2, 144), condensed, SE3Grid(0.1, 0.012, 22.5), calibration, hand)
     found = [best_percent(model, k, kind) for k in (0, 1) for kind in ("NPG", "WPG")]
     assert found == pytest.approx([0.2, 0.8, 0.0, 1.0])

@@ -13,13 +13,15 @@ from spgf_torch.evaluation.success import bootstrap_interval
 from spgf_torch.reporting.data.predictions import ceilings_at, class_curves, precision_at, predictions_of
 from spgf_torch.reporting.data.runs import read_run
 
+TYPES = ("NPG", "WPG", "CG")
+
 
 def predictions(score: list[float], success: list[int], grasp_type: list[int]) -> Predictions:
     n = len(score)
     scores = {"paper": np.array(score), "log_odds": -np.array(score)}
     outcome, zeros, pose = np.array(success, dtype=bool), np.zeros(n), np.tile([0, 0, 0, 1.0, 0, 0, 0], (n, 1))
     types = np.array(grasp_type)
-    return Predictions("a", "boxes", 0, "", scores, zeros, zeros, zeros, outcome, types, outcome, pose)
+    return Predictions("a", "boxes", 0, "", scores, zeros, zeros, zeros, outcome, types, outcome, pose, ("NPG", "WPG"))
 
 
 def test_nested_ranks_by_the_ranking_of_the_objects_fold(tmp_path: Path) -> None:
@@ -34,11 +36,11 @@ def test_nested_ranks_by_the_ranking_of_the_objects_fold(tmp_path: Path) -> None
 def test_precision_at_n() -> None:
     """By score: held, failed, held (NPG: the first and third, held and held; WPG: the second alone, failed)."""
     one = predictions([3, 2, 1], [1, 0, 1], [0, 1, 0])
-    npg, wpg, cg = precision_at([one], "paper", 4)[0]
+    npg, wpg, cg = precision_at([one], "paper", TYPES, 4)[0]
     assert npg.tolist() == [1, 1, 1, 1]
     assert wpg.tolist() == [0, 0, 0, 0]
     assert cg == pytest.approx([1, 1 / 2, 2 / 3, 2 / 3])  # of fewer than N grasps the share is that of all
-    assert ceilings_at([one], 4)[0, 2] == pytest.approx([1, 1, 2 / 3, 2 / 4])
+    assert ceilings_at([one], TYPES, 4)[0, 2] == pytest.approx([1, 1, 2 / 3, 2 / 4])
 
 
 def test_ties_go_to_the_earlier_grasp_and_silence_comes_last() -> None:
@@ -70,7 +72,7 @@ def test_predictions_are_read_as_they_were_written(tmp_path: Path) -> None:
     assert [c.name for c in objects] == ["mug_coffee", "box_tea", "egg"] and len(objects[0].success) == 40
     for name, kinds in run.by_ranking["nested"].items():
         shown = [c for c in objects if name in ("all", c.category)]
-        rates = precision_at(shown, "nested", run.N)[:, :, -1].mean(axis=0)
+        rates = precision_at(shown, "nested", TYPES, run.N)[:, :, -1].mean(axis=0)
         assert rates == pytest.approx([kinds[kind] for kind in ("NPG", "WPG", "CG")], abs=1e-6)
     with pytest.raises(InputError, match=r"predictions\.parquet.*ranking best"):
         predictions_of(run, "best")

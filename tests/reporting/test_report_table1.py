@@ -10,6 +10,7 @@ from rich.console import Console
 from spgf_torch.reporting.data.runs import Run
 from spgf_torch.reporting.data.seeds import Repeats
 from spgf_torch.reporting.pages.table1 import (
+    Table1,
     about_seeds,
     escape,
     latex,
@@ -26,19 +27,21 @@ BOUNDS = {name: {kind: (rate - 0.1, rate + 0.1) for kind, rate in row.items()} f
 CHANCE = {name: {"NPG": 0.01, "WPG": 0.02} for name in RATES}
 
 
-def made(K: int, *rankings: str) -> Repeats:
+def made(K: int, *rankings: str, hand: str = "sdh2") -> Repeats:
     """Five seeds."""
     blocks, bounds = dict.fromkeys(rankings, RATES), dict.fromkeys(rankings, BOUNDS)
-    run = Run(Path(str(K)), str(K), {}, K, 10, 0, "d", blocks, bounds, CHANCE, RATES, RATES, {}, {})
+    run = Run(
+        Path(str(K)), str(K), {"hand": {"name": hand}}, K, 10, 0, "d", blocks, bounds, CHANCE, RATES, RATES, {}, {}
+    )
     return Repeats((run,), dict.fromkeys(rankings, (0, 1, 2, 3, 4)), blocks, bounds, CHANCE, RATES, RATES)
 
 
-def groups(*rows: Repeats, classwise: tuple[Repeats, ...] = ()) -> list:
+def groups(*rows: Repeats, classwise: tuple[Repeats, ...] = ()) -> Table1:
     return table1(rows, classwise, ("nested", "log_odds"), rows[-1])
 
 
 def test_rows_are_the_papers_then_ours_for_each_k() -> None:
-    first, second, alone, chance = groups(made(7, "log_odds"), made(20, "nested", "log_odds"))
+    first, second, alone, chance = groups(made(7, "log_odds"), made(20, "nested", "log_odds")).groups
     assert [row.label for row in first.rows] == ["K = 20, the paper", "K = 20, ours, 5 seeds"]  # K = 7 is not nested
     assert [row.label for row in second.rows] == ["K = 7, ours, 5 seeds", "K = 20, ours, 5 seeds"]  # nor printed
     assert [row.label for row in alone.rows] == ["[*] Thomsen et al. (2015)"]
@@ -95,7 +98,7 @@ def test_latex_escapes_everything_special() -> None:
 
 
 def test_page_marks_the_k_that_is_the_papers_best() -> None:
-    lines = page_table(groups(made(10, "nested"), made(20, "nested"))).splitlines()
+    lines = page_table(groups(made(10, "nested"), made(20, "nested")).groups, ("NPG", "WPG", "CG")).splitlines()
     assert [line.split("<th>")[1].split("<")[0] for line in lines if "best" in line.split(">")[0]] == [
         "K = 20, the paper",
         "K = 20, ours, 5 seeds",
@@ -103,7 +106,7 @@ def test_page_marks_the_k_that_is_the_papers_best() -> None:
 
 
 def test_classes_by_themselves_stand_below_the_printed_row() -> None:
-    alone = groups(made(20, "nested"), classwise=(made(10, "nested"), made(20, "nested")))[-2]
+    alone = groups(made(20, "nested"), classwise=(made(10, "nested"), made(20, "nested"))).groups[-2]
     assert [(row.row, row.label, row.K) for row in alone.rows[1:]] == [
         ("classwise_ours:nested", "K = 10, by nested, 5 seeds", 10),
         ("classwise_ours:nested", "K = 20, by nested, 5 seeds", 20),
@@ -125,3 +128,30 @@ def test_the_terminal_shows_two_rankings_in_80_columns() -> None:
     text = console.export_text()
     assert "our ranking, nested" in text and "ranking: log_odds" in text and text.count("78.9 (69-89)") == 2
     assert "RobWorkSim" in text and "5 seeds" in text and "…" not in text and "[*]" not in text
+
+
+def test_of_another_hand_nothing_of_the_papers_stands_beside() -> None:
+    """Three types: 4 x 4 columns; no row of the paper's, nor what is to be said beside them."""
+    kinds = ("hook", "pinch", "sphere")
+    block = {name: {**dict.fromkeys(kinds, 0.25), "CG": 0.5} for name in RATES}
+    bounds = {name: dict.fromkeys(row, (0.1, 0.6)) for name, row in block.items()}
+    chance = {name: dict.fromkeys(kinds, 0.125) for name in RATES}
+    by_ranking, interval = {"nested": block}, {"nested": bounds}
+    run = Run(
+        Path("a"), "a", {"hand": {"name": "claw"}}, 20, 10, 0, "d", by_ranking, interval, chance, block, block, {}, {}
+    )
+    row = Repeats((run,), {"nested": (0,)}, by_ranking, interval, chance, block, block)
+    found = table1([row], [], ("nested",), row)
+    assert found.types == (*kinds, "CG") and found.other_data == ""
+    assert [each.row for group in found.groups for each in group.rows] == [
+        "ours:nested",
+        "random",
+        "random_collision_free",
+        "ceiling",
+    ]
+    text = markdown(found, "")
+    assert all(line.count("|") == 18 for line in text.splitlines()[2:]) and "paper" not in text
+    assert "| K = 20, ours, 1 seed | 25.0 (10-60) | 25.0 (10-60) | 25.0 (10-60) | 50.0 (10-60) |" in text
+    assert latex(found, "").count(r"\multicolumn{4}{c}") == 4 and r"\cmidrule(lr){14-17}" in latex(found, "")
+    assert short_markdown(found).splitlines()[0].endswith("| curved CG | all hook | all pinch | all sphere | all CG |")
+    assert 'colspan="4"' in page_table(found.groups, found.types)

@@ -57,8 +57,10 @@ class Calls:
     ) -> tuple[RunState, int]:
         """One call; its run_state and how many trials it ran."""
         provenances = [self.provenance(obj) for obj in self.objects]
-        run_state = RunState(out, (1, 1), {**self.made_with, "versions": {"physics": versions}})
-        there = finished(out, provenances)
+        run_state = RunState(
+            out, (1, 1), {**self.made_with, "versions": {"physics": versions}}, len(self.trials.grasp_types)
+        )
+        there = finished(out, provenances, self.trials.grasp_types)
         with run_state.open(provenances):
             for its in there:
                 run_state.done(its)

@@ -79,7 +79,7 @@ def toys_killed(folder: Path, kills: int, rng: random.Random) -> dict[str, int]:
     plain.make(folder / "whole", InlineExecutor())
     marks = {}
     for obj in plain.objects:
-        T = sample(obj, plain.provenance(obj)).T_object_tcp(0, 2 * CANDIDATES)
+        T = sample(obj, plain.provenance(obj), TRIALS.samplers).T_object_tcp(0, 2 * CANDIDATES)
         marks.update({checksum(T[row]): (obj.name, row) for row in range(len(T))})
     timed = Calls([Toy(name, seconds=0.001) for name in names], TRIALS, toss, CANDIDATES)
     start = time.perf_counter()

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
-from trial_objects import ball, bin_, box, can, cup, from_above, from_side, jaw_settings, parallel_jaw
+from trial_objects import ball, bin_, box, can, cup, from_above, from_side
 
-from spgf_torch.hands.config import GRASP_TYPES, HandConfig
-from spgf_torch.hands.hand import load_hand
+from spgf_torch.hands.config import grasp_types
 from spgf_torch.objects.library import load_objects
 from spgf_torch.paths import root
 from spgf_torch.settings import settings, typed
@@ -88,7 +87,7 @@ def test_the_shipped_table_comes_out_again(hand, tmp_path):
         for changes in EPISODES.values():
             simulator = Simulator(obj, hand, settings(EpisodeConfig, **changes))
             for row in SHIPPED[obj.name]:
-                kind = GRASP_TYPES[table.grasp_type[row]]
+                kind = grasp_types(hand.config)[table.grasp_type[row]]
                 assert simulator.run(table.T_object_tcp[row].numpy(), kind) == OUTCOMES[table.outcome[row]]
 
 
@@ -136,10 +135,7 @@ def test_trials_repeat_bit_for_bit_in_any_order_and_process(hand, request):
     assert other.stdout.decode().strip() == str(here)
 
 
-def test_a_parallel_jaw_grasps_with_the_same_code(tmp_path):
-    path = tmp_path / "jaw.urdf"
-    path.write_text(parallel_jaw())
-    jaw = load_hand(typed(HandConfig, jaw_settings(str(path))))
+def test_a_parallel_jaw_grasps_with_the_same_code(jaw):
     T = from_above(0.08).astype(np.float64)
     assert outcome(jaw, box((0.038, 0.06, 0.1)), T, "WPG") == "success"
     assert outcome(jaw, box((0.06, 0.06, 0.1)), T, "NPG") == "collision"

@@ -5,6 +5,7 @@ import json
 import random
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -84,7 +85,7 @@ def test_what_fails_is_told_and_the_rest_goes_on(tmp_path: Path) -> None:
 
     A crash that does not come again costs nothing but a line.
     """
-    T = sample(Toy("bad"), toys().provenance(Toy("bad"))).T_object_tcp(0, 2 * N)
+    T = sample(Toy("bad"), toys().provenance(Toy("bad")), TRIALS.samplers).T_object_tcp(0, 2 * N)
     hazards = {checksum(T[1]): "crash", checksum(T[7]): "hang", checksum(T[13]): "raise"}
     again = {checksum(T[20]): f"crash once {tmp_path / 'crashed'}"}
     objects = [Toy("bad", {**hazards, **again}), Toy("lethal", unmade="crash"), Toy("odd", unmade="raise"), Toy("well")]
@@ -111,7 +112,7 @@ def test_what_fails_is_told_and_the_rest_goes_on(tmp_path: Path) -> None:
 
 
 def test_a_word_can_stand_for_what_failed(tmp_path: Path) -> None:
-    T = sample(Toy("a"), toys().provenance(Toy("a"))).T_object_tcp(0, 2 * N)
+    T = sample(Toy("a"), toys().provenance(Toy("a")), TRIALS.samplers).T_object_tcp(0, 2 * N)
     toys(Toy("a", {checksum(T[3]): "raise"})).make(tmp_path, InlineExecutor(), failed_as="dropped")
     assert WORDS[read_table(tmp_path / "a.parquet").outcome[3]] == "dropped"
     assert manifest(tmp_path)["objects"]["a"]["failures"][0]["index"] == 3
@@ -128,7 +129,7 @@ def test_damaged_shards_and_those_of_other_settings(tmp_path: Path) -> None:
     shards[0].write_text(json.dumps(content))
     shards[1].write_bytes(b"\x00")
     before = {path: path.read_bytes() for path in (*shards, tmp_path / "manifest.json")}
-    other = RunState(tmp_path, (1, 1), {**calls.made_with, "seed": 1, "versions": {"physics": "1"}})
+    other = RunState(tmp_path, (1, 1), {**calls.made_with, "seed": 1, "versions": {"physics": "1"}}, types=2)
     with pytest.raises(InputError, match=r"manifest.json: expected trials made with seed 1, got 0"):
         other.open([calls.provenance(Toy("a"), seed=1)]).__enter__()
     with pytest.raises(InputError, match=r"manifest.json: expected trials made with physics 2, got 1; finish with"):
@@ -162,16 +163,35 @@ def test_a_full_disk_leaves_nothing_half_written(tmp_path: Path, monkeypatch: py
 
 def test_two_calls_do_not_share_a_folder(tmp_path: Path) -> None:
     made_with = {**toys().made_with, "versions": {}}
-    with RunState(tmp_path, (1, 2), made_with).open([]):
-        with pytest.raises(InputError, match="no other simulate"), RunState(tmp_path, (1, 1), made_with).open([]):
+    with RunState(tmp_path, (1, 2), made_with, 2).open([]):
+        with pytest.raises(InputError, match="no other simulate"), RunState(tmp_path, (1, 1), made_with, 2).open([]):
             pass
-        with pytest.raises(InputError, match="no other simulate"), RunState(tmp_path, (1, 2), made_with).open([]):
+        with pytest.raises(InputError, match="no other simulate"), RunState(tmp_path, (1, 2), made_with, 2).open([]):
             pass
-        with RunState(tmp_path, (2, 2), made_with).open([]):
+        with RunState(tmp_path, (2, 2), made_with, 2).open([]):
             pass
-    with RunState(tmp_path, (1, 1), made_with).open([]):
+    with RunState(tmp_path, (1, 1), made_with, 2).open([]):
         pass
     assert [path.name for path in tmp_path.iterdir()] == ["manifest.json"]
+
+
+def test_a_hand_of_three_types(tmp_path: Path) -> None:
+    """Twelve candidates of each, cut off after four chunks of five at most, then taken up again."""
+    types = ("claw", "hook", "pinch")
+    three = SimpleNamespace(**{**vars(TRIALS), "grasp_types": types, "samplers": dict.fromkeys(types, "surface_pairs")})
+    calls = Calls([Toy("a")], three, toss, N)
+    with pytest.raises(KeyboardInterrupt):
+        calls.make(tmp_path, Ending(4))
+    run_state, ran = calls.make(tmp_path, InlineExecutor())
+    assert (run_state.trials, ran) == (3 * N, 3 * N - 17)
+    table = read_table(tmp_path / "a.parquet")
+    assert table.grasp_types == types and table.grasp_type.tolist() == [0] * N + [1] * N + [2] * N
+    T = sample(Toy("a"), calls.provenance(Toy("a")), three.samplers).T_object_tcp(2 * N, 3 * N)
+    assert [WORDS[code] for code in table.outcome[2 * N :].tolist()] == [
+        toss(Toy("a"), three, "pinch")(one) for one in T
+    ]
+    with pytest.raises(InputError, match="expected trials of the hand's grasp types NPG, WPG; got claw, hook, pinch"):
+        toys(Toy("a")).make(tmp_path, InlineExecutor())
 
 
 def test_a_manifest_of_something_else(tmp_path: Path) -> None:

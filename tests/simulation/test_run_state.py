@@ -21,7 +21,7 @@ MUG = Provenance("mug", "digest", **MADE_WITH)
 
 
 def state(folder: Path, shard: tuple[int, int] = (1, 1), **versions: str) -> RunState:
-    return RunState(folder, shard, {**MADE_WITH, "versions": versions or {"physics": "1"}})
+    return RunState(folder, shard, {**MADE_WITH, "versions": versions or {"physics": "1"}}, types=2)
 
 
 def test_the_manifest_is_written_every_two_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

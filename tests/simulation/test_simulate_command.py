@@ -94,10 +94,10 @@ def test_an_object_without_candidates(place: Path, monkeypatch: pytest.MonkeyPat
     """It is told and in the manifest; the other one has its table."""
     from spgf_torch.simulation import generation as generation
 
-    def sample(obj: Any, provenance: Any) -> Any:
+    def sample(obj: Any, *made: Any) -> Any:
         if obj.name == "egg":
             raise ValueError("no surface")
-        return original(obj, provenance)
+        return original(obj, *made)
 
     original = generation.sample
     monkeypatch.setattr(generation, "sample", sample)

@@ -19,6 +19,7 @@ from spgf_torch.simulation.table import (
     write_table,
 )
 
+TYPES = ("NPG", "WPG")
 PROVENANCE = Provenance("mug", "d" * 64, "h" * 64, {"jitter": 0.005}, {"dt": 0.002, "friction": 0.6}, 3, 0)
 
 
@@ -32,6 +33,7 @@ def table() -> TrialTable:
         grasp_type=torch.tensor([0, 0, 0, 1, 1, 1]),
         outcome=torch.tensor([0, 1, 2, 3, 4, 5]),
         versions={"sapien": "3.0.3"},
+        grasp_types=TYPES,
     )
 
 
@@ -97,9 +99,9 @@ def test_missing_truncated_and_foreign_files(tmp_path, table):
 )
 def test_tables_of_another_hand_object_or_setting_are_refused(tmp_path, table, change, message):
     write_table(table_path(tmp_path, "mug"), table)
-    assert len(read_tables(tmp_path, [PROVENANCE])) == 1
+    assert len(read_tables(tmp_path, [PROVENANCE], TYPES)) == 1
     with pytest.raises(InputError) as error:
-        read_tables(tmp_path, [replace(PROVENANCE, **change)])
+        read_tables(tmp_path, [replace(PROVENANCE, **change)], TYPES)
     assert str(error.value).endswith("mug.parquet: " + message)
 
 
@@ -114,7 +116,7 @@ def rewritten(path, change):
     [
         (lambda t: t.drop(["x"]), "expected the columns"),
         (lambda t: t.set_column(2, "x", pa.array(["far"] * len(t))), "expected the columns"),
-        (lambda t: t.slice(0, 1), "trials, got 1"),
+        (lambda t: t.slice(0, 1), "expected 3 trials of each grasp type, got 1 of NPG$"),
         (lambda t: t.set_column(2, "x", pa.array([float("nan")] * len(t), pa.float32())), "finite poses"),
     ],
 )
@@ -139,3 +141,29 @@ def test_quaternions_may_be_a_thousandth_off(tmp_path):
     for bad in (torch.inf, torch.nan):
         with pytest.raises(InputError, match="finite poses"):
             check_poses(tmp_path, torch.full((3, 3), bad), unit.repeat(3, 1))
+
+
+def test_a_table_of_three_types_comes_back(tmp_path, table):
+    """Two candidates of each of claw, hook and pinch; the words are sorted, whatever the order of the rows."""
+    types = ("claw", "hook", "pinch")
+    made = replace(
+        table,
+        provenance=replace(PROVENANCE, candidates=2),
+        grasp_type=torch.tensor([2, 0, 1, 1, 0, 2]),
+        grasp_types=types,
+    )
+    write_table(table_path(tmp_path, "mug"), made)
+    (got,) = read_tables(tmp_path, [made.provenance], types)
+    assert got.grasp_types == types and got.grasp_type.tolist() == [2, 0, 1, 1, 0, 2]
+    with pytest.raises(
+        InputError, match=r"mug.parquet: expected trials of the hand's grasp types NPG, WPG; got claw, "
+    ):
+        read_tables(tmp_path, [made.provenance], TYPES)
+
+
+def test_each_type_has_its_candidates(tmp_path, table):
+    """Three of each are said; two NPG and four WPG are six, too, but not three of each."""
+    path = table_path(tmp_path, "mug")
+    write_table(path, replace(table, grasp_type=torch.tensor([0, 1, 0, 1, 1, 1])))
+    with pytest.raises(InputError, match="expected 3 trials of each grasp type, got 2 of NPG, 4 of WPG"):
+        read_table(path)

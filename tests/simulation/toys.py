@@ -20,7 +20,13 @@ import numpy as np
 
 WORDS = ("success", "collision", "missed", "dropped", "slipped", "rotated")
 # No hand, no episode: only what tells them apart.
-TRIALS: Any = SimpleNamespace(hand=SimpleNamespace(digest="toy hand"), episode="toy episode")
+TYPES = ("NPG", "WPG")
+TRIALS: Any = SimpleNamespace(
+    hand=SimpleNamespace(digest="toy hand"),
+    episode="toy episode",
+    grasp_types=TYPES,
+    samplers=dict.fromkeys(TYPES, "surface_pairs"),
+)
 
 
 @dataclass

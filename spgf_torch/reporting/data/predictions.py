@@ -9,9 +9,8 @@ import numpy as np
 from spgf_torch.affordance.config import NESTED
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.predictions import Predictions, read_predictions
-from spgf_torch.evaluation.success import TYPES, of_type
 from spgf_torch.objects.config import CLASSES
-from spgf_torch.reporting.data.runs import Run
+from spgf_torch.reporting.data.runs import TOGETHER, Run
 
 
 def predictions_of(run: Run, ranking: str) -> list[Predictions]:
@@ -29,14 +28,14 @@ def predictions_of(run: Run, ranking: str) -> list[Predictions]:
     return objects
 
 
-def precision_at(objects: Sequence[Predictions], ranking: str, most: int) -> np.ndarray:
+def precision_at(objects: Sequence[Predictions], ranking: str, types: Sequence[str], most: int) -> np.ndarray:
     """(objects, types, most) float: the share of successes among the N highest-ranked grasps, N = 1 .. most.
 
-    Types are NPG, WPG, CG. Of fewer than N grasps the share is that of all of them.
+    `types` are the grasp types and CG. Of fewer than N grasps the share is that of all of them.
     """
-    rates = np.zeros((len(objects), len(TYPES), most))
+    rates = np.zeros((len(objects), len(types), most))
     for i, predictions in enumerate(objects):
-        for j, name in enumerate(TYPES):
+        for j, name in enumerate(types):
             success = predictions.success[predictions.ranked(ranking, name, most)]
             running = np.cumsum(success) / np.arange(1, len(success) + 1)
             rates[i, j, : len(success)] = running
@@ -44,9 +43,12 @@ def precision_at(objects: Sequence[Predictions], ranking: str, most: int) -> np.
     return rates
 
 
-def ceilings_at(objects: Sequence[Predictions], most: int) -> np.ndarray:
-    """(objects, types, most) float: what the best N by outcome would give."""
-    successes = [[o.success[of_type(o.grasp_type, name)].sum() for name in TYPES] for o in objects]
+def ceilings_at(objects: Sequence[Predictions], types: Sequence[str], most: int) -> np.ndarray:
+    """(objects, types, most) float: what the best N by outcome would give; `types` are the grasp types and CG."""
+    successes = [
+        [o.success[(o.grasp_type == code) | (name == TOGETHER)].sum() for code, name in enumerate(types)]
+        for o in objects
+    ]
     n = np.arange(1, most + 1)
     return np.minimum(np.asarray(successes)[..., None], n) / n
 

@@ -7,21 +7,24 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from spgf_torch.errors import InputError, one_line
+from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.files import FILES
 from spgf_torch.evaluation.results import read_results
-from spgf_torch.evaluation.success import TYPES, Rates
+from spgf_torch.evaluation.success import Rates
 from spgf_torch.files.checks import name as checked_name
 from spgf_torch.files.checks import number
 from spgf_torch.files.digests import digest_of
 from spgf_torch.files.reading import existing, yaml_values
-from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.hands.config import HandConfig, grasp_types
 from spgf_torch.objects.config import CLASSES
 from spgf_torch.paths import find
 from spgf_torch.progress import console
+from spgf_torch.settings import typed
 
 Block = dict[str, Rates]  # class (and "all") -> type -> rate
 Bounds = dict[str, dict[str, tuple[float, float]]]  # class -> type -> (low, high)
@@ -42,8 +45,8 @@ class Notes:
 
 
 # What the report needs of a run's settings; the learned baseline's have no features.
-_PICTURED = {"objects": str, "sensing": dict, "features": dict, "hand.openings": dict}
-WIDEST = 1.0  # m between the fingers of a hand
+_PICTURED = {"objects": str, "sensing": dict, "features": dict, "hand": dict}
+TOGETHER = "CG"  # all grasp types in one ranking
 FEW = 3  # runs of other data that are told by name
 MOST = 2**53  # of counts and seeds: beyond it JSON's numbers are not exact
 
@@ -80,6 +83,22 @@ class Run:
     calibration: dict[str, dict[str, float]]
     digests: dict[str, str] = field(default_factory=dict)
     calibration_free: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    @cached_property
+    def grasp_types(self) -> tuple[str, ...]:
+        """Those of the hand, sorted."""
+        return tuple(sorted(self.random["all"]))
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """What rates are of: each grasp type, and CG."""
+        return (*self.grasp_types, TOGETHER)
+
+    @property
+    def of_papers_hand(self) -> bool:
+        """Whether the paper's rates may stand beside these: they are of its hand and of its grasp types."""
+        hand = self.settings.get("hand")
+        return isinstance(hand, dict) and hand.get("name") == paper.HAND and self.grasp_types == paper.TYPES
 
     @property
     def has_model(self) -> bool:
@@ -146,7 +165,7 @@ def read_run(folder: Path) -> Run:
             dataset=results.get("dataset"),
             by_ranking={name: _block(block) for name, block in results["by_ranking"].items()},
             interval95={name: _bounds(block) for name, block in results["interval95_by_ranking"].items()},
-            random=_block(results["random"]),
+            random=_random(results["random"]),
             random_collision_free=_block(results["random_collision_free"]),
             ceiling=_block(results["ceiling"]),
             chosen={int(fold): checked_name(of, "chosen") for fold, of in results.get("chosen", {}).items()},
@@ -169,7 +188,7 @@ def read_per_object(run: Run) -> list[ObjectRow]:
     _as_written(path, run.digests)
     try:
         with path.open(newline="") as file:
-            rows = [_object_row(row, run.by_ranking) for row in csv.DictReader(file)]
+            rows = [_object_row(row, run) for row in csv.DictReader(file)]
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     except (KeyError, TypeError, ValueError, csv.Error) as error:
@@ -208,7 +227,8 @@ def _is_run(folder: Path) -> bool:
 def _of_one_dataset(runs: list[Run], tell: Tell) -> list[Run]:
     """The runs with the data and the N of the newest: rates over other objects or trials are not comparable."""
     newest = runs[-1]
-    kept = [run for run in runs if (run.dataset, run.N) == (newest.dataset, newest.N)]
+    same = newest.dataset, newest.N, newest.grasp_types
+    kept = [run for run in runs if (run.dataset, run.N, run.grasp_types) == same]
     if others := [run.folder.name for run in runs if run not in kept]:
         which = ", ".join(others) if len(others) <= FEW else f"{len(others)} runs"
         tell(
@@ -227,15 +247,19 @@ def _settings(path: Path) -> dict[str, Any]:
 
 def _check_pictured(run: Run) -> None:
     """Raises InputError where the settings lack what pictures are made from."""
-    hand = run.settings.get("hand")
-    told = {**run.settings, "hand.openings": hand.get("openings") if isinstance(hand, dict) else None}
+    path = run.folder / "config.yaml"
     for key, kind in _PICTURED.items():
-        if not isinstance(told.get(key), kind):
+        if not isinstance(run.settings.get(key), kind):
             words = "text" if kind is str else "settings"
-            got = str(told.get(key, "none"))[:60]
-            raise InputError(f"{run.folder / 'config.yaml'}: {key}: expected {words}, got {got}")
-    for name in GRASP_TYPES:
-        number(told["hand.openings"].get(name), f"{run.folder / 'config.yaml'}: hand.openings.{name}", 0.0, WIDEST)
+            raise InputError(f"{path}: {key}: expected {words}, got {str(run.settings.get(key, 'none'))[:60]}")
+    try:
+        known = grasp_types(typed(HandConfig, run.settings["hand"]))
+    except InputError as error:
+        raise InputError(f"{path}: hand: expected the settings of a hand, got others ({error})") from None
+    if known != run.grasp_types:
+        raise InputError(
+            f"{path}: hand: expected {', '.join(run.grasp_types)}, as the rates have; got {', '.join(known) or 'none'}"
+        )
 
 
 def _stamp(folder: Path) -> str:
@@ -266,15 +290,29 @@ def _block(content: Mapping[str, Mapping[str, float]]) -> Block:
     return block
 
 
+def _random(content: Mapping[str, Mapping[str, float]]) -> Block:
+    """Rates of random candidates, which are of each grasp type alone: what types there are, they say."""
+    block = _block(content)
+    for name in block["all"]:
+        checked_name(name, "random.all")
+    if not block["all"] or TOGETHER in block["all"]:
+        raise ValueError(f"rates of random candidates of {', '.join(block['all']) or 'no type'}")
+    return block
+
+
 def _check_rates(results: Mapping[str, Any]) -> None:
     """Raises ValueError where a ranking lacks a rate or an interval of a class that occurs."""
     rates, intervals = results["by_ranking"], results["interval95_by_ranking"]
-    for key, kinds in (("random", GRASP_TYPES), ("random_collision_free", GRASP_TYPES), ("ceiling", TYPES)):
+    single = sorted(_random(results["random"])["all"])
+    every = [*single, TOGETHER]
+    for key, kinds in (("random", single), ("random_collision_free", single), ("ceiling", every)):
         if missing := [name for block in rates.values() for name in block if {*kinds} - {*results[key].get(name, ())}]:
             raise ValueError(f"no {key} of {str(missing[0])[:40]}")
     for ranking, block in rates.items():
         checked_name(ranking, "by_ranking")
-        for name, grasp_type in ((name, grasp_type) for name in block for grasp_type in TYPES):
+        if others := sorted({kind for row in block.values() for kind in row} - {*every}):
+            raise ValueError(f"no random of {str(others[0])[:40]}")
+        for name, grasp_type in ((name, grasp_type) for name in block for grasp_type in every):
             if grasp_type not in block[name] or len(intervals.get(ranking, {}).get(name, {}).get(grasp_type, ())) != 2:
                 raise ValueError(f"no {grasp_type} of {name} by the ranking {ranking}")
 
@@ -310,8 +348,8 @@ def _rate(value: Any, where: str) -> float:
     return number(value, where, 0.0, 1.0)
 
 
-def _object_row(row: Mapping[str, str], rankings: Mapping[str, Block]) -> ObjectRow:
-    rates = {name: {grasp_type: float(row[f"{name}_{grasp_type}"]) for grasp_type in TYPES} for name in rankings}
+def _object_row(row: Mapping[str, str], run: Run) -> ObjectRow:
+    rates = {name: {each: float(row[f"{name}_{each}"]) for each in run.types} for name in run.by_ranking}
     if odd := [f"{rate:g}" for of in rates.values() for rate in of.values() if not 0 <= rate <= 1]:
         raise ValueError(f"a rate of {odd[0]}")
     if row["class"] not in CLASSES:

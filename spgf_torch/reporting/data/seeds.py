@@ -11,7 +11,7 @@ import numpy as np
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.seeds import interval_over_seeds, mean_over_seeds
 from spgf_torch.objects.config import CLASSES
-from spgf_torch.reporting.data.runs import Block, Bounds, ObjectRow, Run, Tell, read_per_object
+from spgf_torch.reporting.data.runs import TOGETHER, Block, Bounds, ObjectRow, Run, Tell, read_per_object
 
 OfSeeds = Mapping[Any, Sequence[ObjectRow]]  # seed -> the rates of each object
 
@@ -45,6 +45,18 @@ class Repeats:
         return self.runs[0].N
 
     @property
+    def grasp_types(self) -> tuple[str, ...]:
+        return self.runs[0].grasp_types
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        return self.runs[0].types
+
+    @property
+    def of_papers_hand(self) -> bool:
+        return self.runs[0].of_papers_hand
+
+    @property
     def settings(self) -> dict[str, Any]:
         """Those of the run of the smallest seed."""
         return self.runs[0].settings
@@ -54,7 +66,7 @@ class Repeats:
         """When the newest was started."""
         return max(run.stamp for run in self.runs)
 
-    def rate(self, ranking: str, name: str = "all", kind: str = "CG") -> float:
+    def rate(self, ranking: str, name: str = "all", kind: str = TOGETHER) -> float:
         return self.by_ranking[ranking][name][kind]
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from spgf_torch.drawing.page import drawn, png
 from spgf_torch.experiment.describe import Grasps
 from spgf_torch.experiment.execution import Executed
-from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.hands.records import Gripper
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.reporting.figures.learned import deep_outline
 from spgf_torch.reporting.figures.scenes import Held, worst
 
 MOST = 6  # objects in the picture: two rows
@@ -18,21 +21,24 @@ def failures_picture(
     objects: Sequence[GraspObject],
     grasps: Sequence[Grasps],
     executed: Sequence[Executed],
-    openings: Mapping[str, float],
+    grippers: Mapping[str, Gripper],
 ) -> bytes | None:
     """A PNG of the objects with the lowest rate of their best grasps (CG): failed ones red; None where all held.
 
-    openings: grasp type -> m between the pads.
+    grippers: grasp type -> the open hand; the codes of `grasps` count the types sorted by name.
     """
+    sticks = [deep_outline(grippers[name]) for name in sorted(grippers)]
     rows = list(zip(objects, grasps, executed, strict=True))
     failing = [row for row in rows if row[2].rate(row[2].best["CG"]) < 1 and len(row[2].best["CG"])]
     failing.sort(key=lambda row: (row[2].rate(row[2].best["CG"]), row[0].name))
     if not failing:
         return None
-    return png(drawn(worst([_held(*row, openings) for row in failing[:MOST]], "the ranking that was executed")))
+    return png(drawn(worst([_held(*row, sticks) for row in failing[:MOST]], "the ranking that was executed")))
 
 
-def _held(obj: GraspObject, grasps: Grasps, executed: Executed, openings: Mapping[str, float]) -> Held:
+def _held(obj: GraspObject, grasps: Grasps, executed: Executed, sticks: Sequence[np.ndarray]) -> Held:
     top = executed.best["CG"]
-    wide = [openings[GRASP_TYPES[code]] for code in grasps.grasp_type[top].tolist()]
-    return Held.of(obj.name, obj.mesh, grasps.T_object_tcp[top].double().numpy(), wide, executed.success[top].numpy())
+    open_hands = [sticks[code] for code in grasps.grasp_type[top].tolist()]
+    return Held.of(
+        obj.name, obj.mesh, grasps.T_object_tcp[top].double().numpy(), open_hands, executed.success[top].numpy()
+    )

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from spgf_torch.affordance.model import GraspModel
-from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.drawing.outline import outline
+from spgf_torch.hands.records import Gripper
 from spgf_torch.prototypes.naming import gaps
 
 LAYERS = ("top", "bottom")
@@ -19,7 +20,7 @@ INNER = 0.5  # of the radius: where the drawn band of a ring begins
 SUNK = 0.15  # of the radius: how much lower the bottom layer is drawn, so that the layers do not cover each other
 MOST_DEG = 89.99  # alpha1 of a cell that nothing reached is 90; that of a neighbour on the normal is none at all
 
-FINGER, HANDLE = 0.03, 0.02  # m; a third of the SDH-2's, so that many hands fit around one prototype
+BEHIND, HANDLE = 0.03, 0.02  # m of a hand and its axis; a third of the SDH-2's: many hands fit around one prototype
 DEEPER = 1.7  # the same in pictures of one object
 
 POOL = 1500  # best supported points that stick figures are chosen from
@@ -74,7 +75,7 @@ class Grasps:
     """Condensed points of one prototype and type.
 
     Attributes:
-        sticks: (G, 4, 2, 3) m, the line segments of each hand (`fork`).
+        sticks: (G, S, 2, 3) m, the line segments of each hand (`short_outline`).
         probability, support: (G,).
         points: how many condensed points there are in all.
     """
@@ -100,17 +101,14 @@ def rings(degrees: np.ndarray, seen: np.ndarray, radius: float) -> tuple[Ring, R
     return _ring(degrees[0], seen[0], radius, 0.0), _ring(degrees[1], seen[1], radius, SUNK * radius)
 
 
-def fork(opening: float) -> np.ndarray:
-    """(4, 2, 3) m segments of a hand in the TCP frame: approach axis, palm, two fingers that end at the pads."""
-    half = opening / 2
-    palm = [[-half, 0, -FINGER], [half, 0, -FINGER]]
-    fingers = [[[x, 0, -FINGER], [x, 0, 0]] for x in (-half, half)]
-    return np.array([[[0, 0, -FINGER - HANDLE], [0, 0, -FINGER]], palm, *fingers])
+def short_outline(gripper: Gripper) -> np.ndarray:
+    """(S, 2, 3) m segments of a hand in the TCP frame, of little depth; those of a jaw end at the pads."""
+    return outline(gripper, BEHIND, HANDLE, tips=False)
 
 
-def full_fork(opening: float) -> np.ndarray:
-    """The stick figure in the hand's own depth, for pictures of one object."""
-    return fork(opening) * np.array([1.0, 1.0, DEEPER])
+def deep_outline(gripper: Gripper) -> np.ndarray:
+    """The same in the hand's own depth, for pictures of one object."""
+    return outline(gripper, DEEPER * BEHIND, DEEPER * HANDLE, tips=False)
 
 
 def best_percent(model: GraspModel, prototype: int, kind: str) -> float:
@@ -120,8 +118,8 @@ def best_percent(model: GraspModel, prototype: int, kind: str) -> float:
     return float(probability.topk(-(-len(probability) // 100)).values.mean()) if len(probability) else 0.0
 
 
-def learned_grasps(model: GraspModel, prototype: int, kind: str, opening: float, count: int) -> Grasps:
-    """Up to `count` well supported points of a prototype and type, spread out in SE(3), as stick figures.
+def learned_grasps(model: GraspModel, prototype: int, kind: str, stick: np.ndarray, count: int) -> Grasps:
+    """Up to `count` well supported points of a prototype and type, spread out in SE(3), as outlines `stick` (S, 2, 3).
 
     Half of them are spread over the best-supported points of the highest probability, the other half over all of the
     best-supported points, so that what works and what does not are both seen.
@@ -136,7 +134,7 @@ def learned_grasps(model: GraspModel, prototype: int, kind: str, opening: float,
     rest = np.setdiff1d(np.arange(len(pool)), best[chosen])
     which = np.r_[best[chosen], rest[spread(position[rest], quaternion[rest], count - len(chosen))]].astype(int)
     T = Rotation.from_quat(quaternion[which], scalar_first=True).as_matrix()
-    sticks = np.einsum("gij,skj->gski", T, fork(opening)) + position[which][:, None, None]
+    sticks = np.einsum("gij,skj->gski", T, stick) + position[which][:, None, None]
     return Grasps(sticks, probability[which], support[which], stop - start)
 
 
@@ -156,7 +154,7 @@ def spread(position: np.ndarray, quaternion: np.ndarray, count: int) -> np.ndarr
 
 def _slice(model: GraspModel, prototype: int, kind: str) -> tuple[int, int]:
     """Where the condensed points of a prototype and type begin and end."""
-    s = prototype * len(GRASP_TYPES) + GRASP_TYPES.index(kind)
+    s = prototype * len(model.grasp_types) + model.grasp_types.index(kind)
     start, stop = (int(model.condensed.partition_start[i]) for i in (s, s + 1))
     return start, stop
 

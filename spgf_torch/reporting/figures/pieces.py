@@ -91,7 +91,7 @@ def lines(ends: np.ndarray, colours: np.ndarray, width: float) -> Pieces:
 
 
 def sticks(hands: np.ndarray, colours: np.ndarray, width: float) -> Pieces:
-    """Stick figures of hands (G, 4, 2, 3) with colours (G, 3)."""
+    """Outlines of hands (G, S, 2, 3) with colours (G, 3)."""
     return lines(hands.reshape(-1, 2, 3), np.repeat(colours, hands.shape[1], axis=0), width)
 
 

@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from spgf_torch.drawing.style import ANGLE_SCALE, FAILED, HELD, LETTERS, SUCCESS_SCALE, success_colours
-from spgf_torch.reporting.figures.learned import Grasps, Ring, full_fork
+from spgf_torch.hands.records import Gripper
+from spgf_torch.reporting.figures.learned import Grasps, Ring, short_outline
 from spgf_torch.reporting.figures.pieces import (
     Pieces,
     View,
@@ -31,11 +32,12 @@ from spgf_torch.reporting.figures.sheet import Sheet
 ABOVE, BELOW = (-60.0, 38.0), (-60.0, -38.0)  # deg; azimuth and elevation of the camera
 TOP, BOTTOM = (-90.0, 90.0), (-90.0, -90.0)  # straight at the centre's plane: x points to the right
 RING_BOX = (0.033, -0.038, 0.03)
-GRASP_BOX = {"NPG": (0.095, -0.095, 0.095), "WPG": (0.115, -0.115, 0.115)}
+GRASP_BOX = {"NPG": 0.095, "WPG": 0.115}  # m; half the side of what is shown; of other types by the hand's width
+AROUND = 0.07  # m about the TCP of the widest hand, of other types
 CENTRE = 0.014  # m; the square in a prototype's colour, well within its ring
 RULER = 0.05  # m
 WORDS = {TOP: "top", BOTTOM: "bottom", ABOVE: "perspective"}
-# What Figs. 12 and 13 show of a prototype besides itself; the paper has these views.
+# What Figs. 12 and 13 show of a prototype besides itself; the paper has these views. Other types: the first.
 VIEWS = {"NPG": (ABOVE, TOP), "WPG": (ABOVE, BOTTOM)}
 
 
@@ -69,7 +71,7 @@ class Held:
 
     Attributes:
         title: what to write above.
-        sticks: (G, 4, 2, 3) m; success: (G,) bool.
+        sticks: (G, S, 2, 3) m; success: (G,) bool.
     """
 
     title: str
@@ -78,16 +80,23 @@ class Held:
     success: np.ndarray
 
     @staticmethod
-    def of(name: str, mesh: trimesh.Trimesh, T: np.ndarray, openings: Sequence[float], success: np.ndarray) -> Held:
-        """Grasps (G, 4, 4) in the mesh's frame, of hands that open so wide (G, m), with their outcomes (G,) bool."""
+    def of(
+        name: str, mesh: trimesh.Trimesh, T: np.ndarray, outlines: Sequence[np.ndarray], success: np.ndarray
+    ) -> Held:
+        """Grasps (G, 4, 4) in the mesh's frame, of hands with these outlines (G), and their outcomes (G,) bool."""
         title = f"{name.replace('_', ' ')}: {success.sum()} of {len(success)} held"
-        return Held(title, mesh, hands(T, openings), success)
+        return Held(title, mesh, hands(T, outlines), success)
 
 
-def hands(T: np.ndarray, openings: Sequence[float]) -> np.ndarray:
-    """(G, 4, 2, 3) m, stick figures of grasps (G, 4, 4) of hands that open so wide (G, m)."""
-    forks = np.stack([full_fork(opening) for opening in openings])
-    sticks: np.ndarray = np.einsum("gij,gskj->gski", T[:, :3, :3], forks) + T[:, None, None, :3, 3]
+def hands(T: np.ndarray, outlines: Sequence[np.ndarray]) -> np.ndarray:
+    """(G, S, 2, 3) m, the outlines (G) of hands (S, 2, 3) at their grasps (G, 4, 4).
+
+    Those of fewer segments than others have their last one several times.
+    """
+    most = max(map(len, outlines), default=0)
+    alike = [np.pad(each, ((0, most - len(each)), (0, 0), (0, 0)), mode="edge") for each in outlines]
+    of_all = np.stack(alike) if alike else np.zeros((0, 0, 2, 3))
+    sticks: np.ndarray = np.einsum("gij,gskj->gski", T[:, :3, :3], of_all) + T[:, None, None, :3, 3]
     return sticks
 
 
@@ -128,18 +137,19 @@ def coloured(inferred: Inferred, palette: np.ndarray, view: View = ABOVE) -> Pie
     return texlets(inferred.positions[front], inferred.normals[front], palette[inferred.ids[front]])
 
 
-def grasps(looks: Sequence[Look], learned: Sequence[Grasps], kind: str, opening: float) -> Figure:
+def grasps(looks: Sequence[Look], learned: Sequence[Grasps], gripper: Gripper) -> Figure:
     """Figs. 12 and 13: each prototype, and with hands at its learned grasps, red (probability 0) to green (1)."""
-    views = VIEWS[kind]
+    views, half = VIEWS.get(gripper.type, (ABOVE, TOP)), _half_side(gripper)
     sheet = Sheet.of(len(looks), min(2, len(looks)), panel=(4.6, 1.85), foot=0.62)
     for k, (look, found) in enumerate(zip(looks, learned, strict=True)):
         pieces = joined([prototype(look, grey=True), sticks(found.sticks, success_colours(found.probability), 1.2)])
         _named(sheet, k, replace(look, note=look.note.replace(", ", ",\n")), parts=3)
         sheet.paint(k, prototype(look), ABOVE, RING_BOX, part=(0, 3))
         for column, view in enumerate(views, start=1):
-            sheet.paint(k, pieces, view, GRASP_BOX[kind], part=(column, 3))
+            sheet.paint(k, pieces, view, (half, -half, half), part=(column, 3))
     seen = ", ".join(WORDS[view] for view in views)
-    label = f"learned probability of success; hand open {1000 * opening:.0f} mm; views: {seen}"
+    how_open = f"hand open {1000 * gripper.width:.0f} mm; " if gripper.jaw else ""
+    label = f"learned probability of success; {how_open}views: {seen}"
     sheet.bar(SUCCESS_SCALE, 1, label + "; coloured rings: as in Fig. 10")
     return sheet.figure
 
@@ -156,6 +166,13 @@ def worst(shown: Sequence[Held], ranking: str) -> Figure:
         handles = [Line2D([], [], color=colour, linewidth=2, label=word) for colour, word in words]
         sheet.figure.legend(handles=handles, loc="lower center", ncols=2, title=f"the best grasps by {ranking}")
     return sheet.figure
+
+
+def _half_side(gripper: Gripper) -> float:
+    """Half the side (m) of what is shown around a prototype of the grasps of a hand."""
+    if gripper.type in GRASP_BOX:
+        return GRASP_BOX[gripper.type]
+    return AROUND + float(np.linalg.norm(short_outline(gripper)[..., :2], axis=-1).max())
 
 
 def _named(sheet: Sheet, i: int, look: Look, parts: int = 1) -> None:

@@ -1,8 +1,8 @@
-"""Fig. 7: the cameras around an object, how its trials ended, and the hand open for both types of grasp."""
+"""Fig. 7: the cameras around an object, how its trials ended, and the hand open for each type of grasp."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import matplotlib as mpl
@@ -14,7 +14,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from spgf_torch.drawing.style import COLLIDED, FAILED, HELD, LETTERS
+from spgf_torch.hands.records import Gripper
 from spgf_torch.reporting.figures.grid_figures import titled
+from spgf_torch.reporting.figures.learned import deep_outline
 from spgf_torch.reporting.figures.pieces import Pieces, View, flat, frame, joined, lines, mesh, show, sticks
 from spgf_torch.reporting.figures.scenes import ABOVE, hands
 from spgf_torch.reporting.figures.sketches import note
@@ -33,14 +35,13 @@ class Tried:
     """Some trials of one type on an object.
 
     Attributes:
-        T: (G, 4, 4) object frame. success, collides: (G,) bool. opening: m.
+        T: (G, 4, 4) object frame. success, collides: (G,) bool. gripper: the hand of this type.
     """
 
-    kind: str
+    gripper: Gripper
     T: np.ndarray
     success: np.ndarray
     collides: np.ndarray
-    opening: float
 
 
 def some_of_each(success: np.ndarray, collides: np.ndarray, count: int) -> np.ndarray:
@@ -51,29 +52,27 @@ def some_of_each(success: np.ndarray, collides: np.ndarray, count: int) -> np.nd
 
 
 def setup_figure(
-    solid: trimesh.Trimesh,
-    cameras: Sequence[Camera],
-    tried: Tried,
-    open_hands: Mapping[str, tuple[Sequence[trimesh.Trimesh], float]],
+    solid: trimesh.Trimesh, cameras: Sequence[Camera], tried: Tried, open_hands: Sequence[Gripper]
 ) -> Figure:
-    """Fig. 7. `open_hands`: type of grasp -> collision shapes of the open hand in the TCP frame, and its opening, m."""
+    """Fig. 7; the hand open for each type of grasp that is given, in a panel of its own."""
+    count = 2 + len(open_hands)
     with mpl.rc_context(LETTERS):
-        figure = Figure(figsize=(10.0, 3.6))
-        axes = [figure.add_axes((0.005 + 0.25 * i, 0.1, 0.24, 0.81)) for i in range(4)]
+        figure = Figure(figsize=(2.5 * count, 3.6))
+        axes = [figure.add_axes(((i + 0.02) / count, 0.1, 0.96 / count, 0.81)) for i in range(count)]
         show(axes[0], _rig(solid, cameras), RIG_VIEW, 0.14)
         for i, camera in enumerate(cameras):
             note(axes[0], camera.T_object_camera[:3, 3], f"camera {i + 1}", RIG_VIEW, np.array([0.0, -1.0]), gap=25)
         which = some_of_each(tried.success, tried.collides, TRIED)
         colours = np.array([to_rgb(_end(tried.success[i], tried.collides[i])) for i in which])
-        drawn = sticks(hands(tried.T[which], [tried.opening] * len(which)), colours, 0.8)
+        drawn = sticks(hands(tried.T[which], [deep_outline(tried.gripper)] * len(which)), colours, 0.8)
         show(axes[1], joined([mesh(solid, ABOVE), drawn]), ABOVE)
-        words = [f"{len(cameras)} depth cameras", f"outcomes of {tried.kind}"]
-        for axis, (kind, (shapes, opening)) in zip(axes[2:], open_hands.items(), strict=True):
-            _hand(axis, shapes, opening)
-            words.append(f"the hand open for {kind}")
+        words = [f"{len(cameras)} depth cameras", f"outcomes of {tried.gripper.type}"]
+        for axis, gripper in zip(axes[2:], open_hands, strict=True):
+            _hand(axis, gripper)
+            words.append(f"the hand open for {gripper.type}")
         titled(axes, words)
         handles = [Line2D([], [], color=colour, linewidth=2, label=word) for colour, word in ENDS]
-        figure.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.375, -0.005), ncols=3, fontsize=8)
+        figure.legend(handles=handles, loc="lower center", bbox_to_anchor=(1.5 / count, -0.005), ncols=3, fontsize=8)
     return figure
 
 
@@ -95,12 +94,13 @@ def _rig(solid: trimesh.Trimesh, cameras: Sequence[Camera]) -> Pieces:
     return joined(parts)
 
 
-def _hand(axis: Axes, shapes: Sequence[trimesh.Trimesh], opening: float) -> None:
-    """The open hand from the side, its opening measured."""
-    whole: trimesh.Trimesh = trimesh.util.concatenate(list(shapes))  # type: ignore[assignment]
+def _hand(axis: Axes, gripper: Gripper) -> None:
+    """The open hand from the side; of a jaw the opening is measured."""
+    whole: trimesh.Trimesh = trimesh.util.concatenate(list(gripper.shapes))  # type: ignore[assignment]
     show(axis, mesh(whole.copy().apply_transform(DOWNWARDS), HAND_VIEW, HAND), HAND_VIEW)
-    ends = np.array([[-opening / 2, 0, -0.012], [opening / 2, 0, -0.012]])
-    _measure(axis, ends, HAND_VIEW, f"{1000 * opening:.0f} mm")
+    if gripper.jaw:
+        ends = np.array([[-gripper.width / 2, 0, -0.012], [gripper.width / 2, 0, -0.012]])
+        _measure(axis, ends, HAND_VIEW, f"{1000 * gripper.width:.0f} mm")
 
 
 def _measure(axis: Axes, ends: np.ndarray, view: View, words: str) -> None:

@@ -16,7 +16,6 @@ from matplotlib.patches import FancyArrowPatch
 from spgf_torch.drawing.style import ALONG, CENTRE, FAILED, HELD, LETTERS, NEIGHBOUR, OTHER, PAPER, TOWARDS
 from spgf_torch.reporting.figures.example import Surroundings
 from spgf_torch.reporting.figures.grid_figures import titled
-from spgf_torch.reporting.figures.learned import full_fork
 from spgf_torch.reporting.figures.pieces import (
     AXES,
     View,
@@ -82,7 +81,8 @@ class Linked:
 
     Attributes:
         positions, normals: (N, 3) the object's texlets. T_object_feature, T_object_tcp: (4, 4).
-        look: of the feature's prototype. opening: m. success: how the grasp ended.
+        look: of the feature's prototype. success: how the grasp ended.
+        outline: (S, 2, 3) m, of the open hand in the TCP's frame.
     """
 
     positions: np.ndarray
@@ -90,14 +90,14 @@ class Linked:
     T_object_feature: np.ndarray
     T_object_tcp: np.ndarray
     look: Look
-    opening: float
+    outline: np.ndarray
     success: bool
 
 
 def link_figure(linked: Linked, view: View) -> Figure:
     """Fig. 6: feature, grasp and the transformation T between their poses."""
     feature, tcp = linked.T_object_feature, linked.T_object_tcp
-    hand = full_fork(linked.opening) @ tcp[:3, :3].T + tcp[:3, 3]
+    hand = linked.outline @ tcp[:3, :3].T + tcp[:3, 3]
     near = facing(linked.normals, view)
     near &= np.linalg.norm(linked.positions - (feature + tcp)[:3, 3] / 2, axis=1) < AROUND
     pieces = [

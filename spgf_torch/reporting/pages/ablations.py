@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 from spgf_torch.drawing.page import table
 from spgf_torch.errors import InputError
-from spgf_torch.evaluation.success import TYPES
 from spgf_torch.reporting.data.runs import Tell
 from spgf_torch.reporting.data.seeds import Repeats, per_object
 from spgf_torch.reporting.data.sweep import Difference, Variant, difference
@@ -115,7 +114,7 @@ def ablation_csv(found: Sequence[Ablation]) -> str:
             " ".join(u for _, u in varies.values()),
         ]
         for ranking, change in ablation.differences.items():
-            for name, kind in ((name, kind) for name in change.mean for kind in TYPES):
+            for name, kind in ((name, kind) for name in change.mean for kind in variant.runs.types):
                 rates = [
                     runs.by_ranking[ranking].get(name, {}).get(kind, float("nan"))
                     for runs in (variant.runs, variant.reference)

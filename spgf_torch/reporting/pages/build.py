@@ -11,7 +11,6 @@ from spgf_torch.drawing.page import Section, page
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.predictions import Predictions
 from spgf_torch.files.writing import write_bytes
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.objects.library import load_objects
 from spgf_torch.paths import find
@@ -27,16 +26,14 @@ from spgf_torch.reporting.pages.model_parts import grasps_part, objects_part, pr
 from spgf_torch.reporting.pages.pictured import Pictured, check_asked, pictured
 from spgf_torch.reporting.pages.rate_parts import ablation_part, choice_part, headline, over_k, table_part
 from spgf_torch.reporting.pages.reach_part import reach_part
-from spgf_torch.reporting.pages.table1 import Group, table1
+from spgf_torch.reporting.pages.table1 import Table1, table1
 
 T = TypeVar("T")
 
 TITLE = "Sliced Pineapple Grid Features (SPGF), the paper's experiment again"
 
 
-def build(
-    config: ReportConfig, runs: Sequence[Run], folder: Path, stages: ProgressReporter, notes: Notes
-) -> list[Group]:
+def build(config: ReportConfig, runs: Sequence[Run], folder: Path, stages: ProgressReporter, notes: Notes) -> Table1:
     """Write the report on `runs` (oldest first) into `folder`; returns Table 1.
 
     What cannot be used is noted in a line each and leaves its figures out. Raises InputError where `show` is no K of
@@ -45,8 +42,8 @@ def build(
     context = choose(config, sweep := find_sweep(runs, config.bootstrap, config.seed, notes), notes)
     check_asked(context)
     tell_replaced(runs, sweep, notes)
-    groups = table1(sweep.rows, sweep.classwise(), context.rankings, context.row)
-    parts = [*_rates(context, groups, stages), *_grasps_and_model(context, stages)]
+    rates = table1(sweep.rows, sweep.classwise(), context.rankings, context.row)
+    parts = [*_rates(context, rates, stages), *_grasps_and_model(context, stages)]
     if ablated := ablation_part(context):
         parts.append(ablated)
     for part in parts:
@@ -56,18 +53,26 @@ def build(
     count = "1 run" if len(runs) == 1 else f"{len(runs)} runs"
     lead = (
         "<p>Thomsen, Kraft, Kr&uuml;ger (2016), A Semi-local Surface Feature for Learning Successful Grasping "
-        f"Affordances: Table 1 and Figures 1 to 13, made again from {count}.</p>"
+        f"Affordances: {_made_again(context)} from {count}.</p>"
     )
     write_bytes(folder / "index.html", page(TITLE, lead, sections).encode())
-    return groups
+    return rates
 
 
-def _rates(context: Context, groups: list[Group], stages: ProgressReporter) -> list[Part]:
+def _made_again(context: Context) -> str:
+    """What of the paper, in words."""
+    if context.row.of_papers_hand:
+        return "Table 1 and Figures 1 to 13, made again"
+    name = html.escape(str(context.shown.settings["hand"].get("name", "another hand"))[:60])
+    return f"its table and figures for another hand than the paper's, {name},"
+
+
+def _rates(context: Context, rates: Table1, stages: ProgressReporter) -> list[Part]:
     with stages.stage("rates", 5, "parts") as advance:
         return _made(
             [
                 lambda: headline(context),
-                lambda: table_part(context, groups),
+                lambda: table_part(context, rates),
                 lambda: choice_part(context),
                 lambda: over_k(context),
                 lambda: reach_part(context),
@@ -111,7 +116,7 @@ def _model_steps(context: Context, shown: Pictured | None, library: dict[str, Gr
     steps: list[Callable[[], Part]] = [lambda: prototypes_part(shown)]
     if library:
         steps.append(lambda: objects_part(context, shown, library))
-    return [*steps, *(lambda kind=kind: grasps_part(context, shown, kind) for kind in GRASP_TYPES)]  # type: ignore[misc]
+    return [*steps, *(lambda kind=kind: grasps_part(context, shown, kind) for kind in shown.model.grasp_types)]  # type: ignore[misc]
 
 
 def _grasp_steps(
@@ -119,11 +124,11 @@ def _grasp_steps(
 ) -> list[Callable[[], Part]]:
     if objects is None:
         return [lambda: _missing("precision", "Single grasps", context, "no predictions that can be read")]
-    known, openings = objects, context.shown.settings["hand"]["openings"]
+    known = objects
     return [
         lambda: reliability_part(context, known),
         lambda: precision_part(context, known),
-        lambda: worst_part(context, known, library, openings),
+        lambda: worst_part(context, known, library, context.grippers),
     ]
 
 

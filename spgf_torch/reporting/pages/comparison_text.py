@@ -9,14 +9,11 @@ from collections.abc import Sequence
 from rich import box
 from rich.table import Table
 
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.reporting.data.comparison import Comparison, Entry
 from spgf_torch.reporting.data.costs import Costs
+from spgf_torch.reporting.data.runs import TOGETHER
 from spgf_torch.reporting.pages.ablations import points
-from spgf_torch.reporting.pages.table1 import COLUMNS, NAMES
-
-# What the verdict is given for: CG of all objects and of each class, and each type over all objects.
-VERDICTS = (("all", "CG"), *((name, "CG") for name in NAMES if name != "all"), *(("all", kind) for kind in GRASP_TYPES))
+from spgf_torch.reporting.pages.table1 import NAMES, columns
 
 # Rates are sums of tenths: a bound of 0 may come out as the rounding of floats.
 ROUNDING = 1e-9
@@ -53,9 +50,11 @@ def verdict(entries: Sequence[Entry], reference: str, name: str, kind: str) -> s
 
 
 def verdicts(comparison: Comparison) -> list[str]:
-    """The verdict for each of `VERDICTS`, then for all objects by the number of trials."""
+    """The verdict on CG of all objects and of each class and on each type, then for all objects by trials."""
     table = comparison.table
-    lines = [verdict(table, comparison.reference, *column) for column in VERDICTS if column[0] in table[0].rates]
+    wanted = [("all", TOGETHER), *((name, TOGETHER) for name in NAMES if name != "all")]
+    wanted += [("all", kind) for kind in comparison.types if kind != TOGETHER]
+    lines = [verdict(table, comparison.reference, *column) for column in wanted if column[0] in table[0].rates]
     for trials in sorted({entry.trials for entry in comparison.entries} - {comparison.trials}):
         entries = [entry for entry in comparison.entries if entry.trials == trials]
         lines.append(f"{trials} trials: {verdict(entries, comparison.reference, 'all', 'CG')}")
@@ -68,7 +67,7 @@ def markdown(comparisons: Sequence[Comparison]) -> str:
     parts = [
         f"# Side by side, {shown.trials} trials of each type an object, K = {shown.entries[0].runs.K}",
         f"{seeds_told(shown)} {CAUTION}",
-        PRINTED,
+        *([PRINTED] if shown.entries[0].runs.of_papers_hand else []),
     ]
     for comparison in comparisons:
         parts += [f"## Success-rate (%), ranking {comparison.ranking}", _rates_table(comparison)]
@@ -107,13 +106,14 @@ def long_csv(comparisons: Sequence[Comparison]) -> str:
     head = ["ranking", "row", "trials", "K", "class", "type", "rate", "low", "high", "difference", "difference_low"]
     writer.writerow([*head, "difference_high", "training_s", "prediction_ms", "model_bytes", "run", "seeds"])
     for comparison in comparisons:
-        for name, kind in COLUMNS:
+        across = columns(comparison.types)
+        for name, kind in across:
             if name in comparison.random:
                 rate, bounds = comparison.random[name][kind], comparison.random_bounds[name][kind]
                 cells = [f"{value:.6g}" for value in (rate, *bounds)]
                 writer.writerow([comparison.ranking, "random", "", "", name, kind, *cells, *[""] * 8])
         for entry in comparison.entries:
-            for name, kind in COLUMNS:
+            for name, kind in across:
                 if name in entry.rates:
                     seeds = len(entry.runs.seeds[comparison.ranking])
                     writer.writerow([comparison.ranking, *_line(entry, name, kind), seeds])
@@ -127,21 +127,21 @@ def terminal(comparisons: Sequence[Comparison]) -> list[Table | str]:
         f"Success-rate (%) by {comparison.ranking}, {comparison.trials} trials of each type an object"
     )
     names = [name for name in NAMES if name in comparison.table[0].rates]
+    singles = [kind for kind in comparison.types if kind != TOGETHER]
     for head in [
         "",
         *(f"{name}\nCG" for name in names),
-        "all\nNPG",
-        "all\nWPG",
+        *(f"all\n{kind}" for kind in singles),
         f"all CG minus\n{comparison.reference}",
     ]:
         rates.add_column(head, justify="right" if head else "left", no_wrap=True)
     for entry in comparison.table:
-        cells = [_rate(entry, name, "CG", bounds=name == "all") for name in names]
-        singles = [_rate(entry, "all", kind, bounds=False) for kind in GRASP_TYPES]
-        rates.add_row(entry.name, *cells, *singles, _change(entry, "all", "CG"))
+        cells = [_rate(entry, name, TOGETHER, bounds=name == "all") for name in names]
+        cells += [_rate(entry, "all", kind, bounds=False) for kind in singles]
+        rates.add_row(entry.name, *cells, _change(entry, "all", TOGETHER))
     for label, block in (("random", comparison.random), ("ceiling", comparison.ceiling)):
-        cells = [f"{100 * block[name]['CG']:.1f}" for name in names]
-        rates.add_row(label, *cells, *(f"{100 * block['all'][kind]:.1f}" for kind in GRASP_TYPES), "")
+        cells = [f"{100 * block[name][TOGETHER]:.1f}" for name in names]
+        rates.add_row(label, *cells, *(f"{100 * block['all'][kind]:.1f}" for kind in singles), "")
     spent = _terminal_table("Costs")
     for head in ("", *COSTS):
         spent.add_column(head, justify="right" if head else "left", no_wrap=True)
@@ -164,14 +164,14 @@ def _line(entry: Entry, name: str, kind: str) -> list[str]:
 
 
 def _rates_table(comparison: Comparison) -> str:
-    columns = [(name, kind) for name, kind in COLUMNS if name in comparison.table[0].rates]
-    head = ["", *(f"{name} {kind}" for name, kind in columns), f"all CG minus {comparison.reference}"]
+    across = [(name, kind) for name, kind in columns(comparison.types) if name in comparison.table[0].rates]
+    head = ["", *(f"{name} {kind}" for name, kind in across), f"all CG minus {comparison.reference}"]
     rows = [
-        [entry.name, *(_rate(entry, *column) for column in columns), _change(entry, "all", "CG")]
+        [entry.name, *(_rate(entry, *column) for column in across), _change(entry, "all", TOGETHER)]
         for entry in comparison.table
     ]
     for label, block in (("random candidate", comparison.random), ("ceiling", comparison.ceiling)):
-        rows.append([label, *(f"{100 * block[name][kind]:.1f}" for name, kind in columns), ""])
+        rows.append([label, *(f"{100 * block[name][kind]:.1f}" for name, kind in across), ""])
     return _grid(head, rows)
 
 
@@ -180,8 +180,8 @@ def _curve_table(comparison: Comparison) -> str:
     rows = []
     for name in dict.fromkeys(entry.name for entry in comparison.entries):
         found = {entry.trials: entry for entry in comparison.curve(name)}
-        cells = [_rate(found[n], "all", "CG") if n in found else "-" for n in trials]
-        changes = [_change(found[n], "all", "CG") if n in found else "-" for n in trials]
+        cells = [_rate(found[n], "all", TOGETHER) if n in found else "-" for n in trials]
+        changes = [_change(found[n], "all", TOGETHER) if n in found else "-" for n in trials]
         rows.append([name, *cells])
         if any(change for change in changes):
             rows.append([f"{name} minus {comparison.reference}", *changes])

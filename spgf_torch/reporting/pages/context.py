@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from spgf_torch.affordance.config import JUDGE
 from spgf_torch.drawing.page import Section
 from spgf_torch.errors import InputError
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import load_hand
+from spgf_torch.hands.records import Gripper, grippers_of
 from spgf_torch.reporting.config import ReportConfig
 from spgf_torch.reporting.data.runs import Run, Tell
 from spgf_torch.reporting.data.seeds import Repeats
 from spgf_torch.reporting.data.sweep import NOMINAL_K, Sweep
+from spgf_torch.settings import typed
 
 
 @dataclass(frozen=True)
@@ -32,10 +37,20 @@ class Context:
     shown: Run
     tell: Tell
 
+    @cached_property
+    def grippers(self) -> dict[str, Gripper]:
+        """Grasp type -> the hand of the shown run, open. Raises InputError where its files cannot be read."""
+        return grippers_of_run(self.shown)
+
     @property
     def second(self) -> str | None:
         """The ranking that stands beside the shown one, if there is another."""
         return self.rankings[1] if len(self.rankings) > 1 else None
+
+
+def grippers_of_run(run: Run) -> dict[str, Gripper]:
+    """Grasp type -> the hand of a run, open. Raises InputError where its files cannot be read."""
+    return grippers_of(load_hand(typed(HandConfig, run.settings["hand"])))
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from spgf_torch.drawing.outline import outline_words
 from spgf_torch.drawing.page import Section, caption, chart, drawn, picture, png, table, turning
 from spgf_torch.evaluation.predictions import Predictions
 from spgf_torch.evaluation.reliability import BINS, Reliability, predicted, reliability, score_table
-from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.hands.records import Gripper
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.reporting.data.predictions import (
     ceilings_at,
@@ -18,7 +19,9 @@ from spgf_torch.reporting.data.predictions import (
     mean_curves,
     precision_at,
 )
+from spgf_torch.reporting.data.runs import TOGETHER
 from spgf_torch.reporting.figures.charts import FEW, Precision, precision_at_n, reliability_diagram
+from spgf_torch.reporting.figures.learned import deep_outline
 from spgf_torch.reporting.figures.scenes import Held, worst
 from spgf_torch.reporting.figures.views import worst_view
 from spgf_torch.reporting.pages.context import Context, Part
@@ -31,14 +34,15 @@ def precision_part(context: Context, objects: Sequence[Predictions]) -> Part:
     classes = [predictions.category for predictions in objects]
 
     def at(ranking: str) -> np.ndarray:
-        return precision_at(objects, ranking, config.precision)
+        return precision_at(objects, ranking, run.types, config.precision)
 
     second = context.second if all(context.second in predictions.scores for predictions in objects) else None
     curves = Precision(
         (context.ranking, second or ""),
+        run.types,
         class_curves(classes, at(context.ranking), config.bootstrap, config.seed),
         mean_curves(classes, at(second)) if second else None,
-        mean_curves(classes, ceilings_at(objects, config.precision)),
+        mean_curves(classes, ceilings_at(objects, run.types, config.precision)),
     )
     figure = precision_at_n(curves, run.N, run.random)
     words = caption(
@@ -55,7 +59,7 @@ def precision_part(context: Context, objects: Sequence[Predictions]) -> Part:
 def reliability_part(context: Context, objects: Sequence[Predictions]) -> Part:
     """Reliability before and after calibration, and of a predictor that knows the collision flag alone."""
     curves: dict[str, dict[str, Reliability]] = {}
-    for code, grasp_type in enumerate(GRASP_TYPES):
+    for code, grasp_type in enumerate(context.shown.grasp_types):
         of_predictor, success = predicted(objects, code, free=True)
         curves[grasp_type] = {end: reliability(probability, success) for end, probability in of_predictor.items()}
     figure = reliability_diagram(curves)
@@ -75,11 +79,14 @@ def reliability_part(context: Context, objects: Sequence[Predictions]) -> Part:
 
 
 def worst_part(
-    context: Context, objects: Sequence[Predictions], library: Mapping[str, GraspObject], openings: Mapping[str, float]
+    context: Context,
+    objects: Sequence[Predictions],
+    library: Mapping[str, GraspObject],
+    grippers: Mapping[str, Gripper],
 ) -> Part:
     """The objects with the fewest successes among their highest-ranked grasps, pictured."""
     n = context.shown.N
-    tops = [(o, o.ranked(context.ranking, "CG", n)) for o in objects]
+    tops = [(o, o.ranked(context.ranking, TOGETHER, n)) for o in objects]
     failing = [(o, top) for o, top in tops if not o.success[top].all()]
     failing.sort(key=lambda pair: (pair[0].success[pair[1]].mean(), pair[0].name))
     if absent := [o.name for o, _ in failing if o.name not in library]:
@@ -88,17 +95,18 @@ def worst_part(
     title = "Worst objects"
     if not pictured:
         return Part(Section("worst", title, "<p>No object to picture: every highest-ranked grasp was held.</p>"))
-    shown = [_held(o, top, library[o.name], openings) for o, top in pictured]
+    sticks = [deep_outline(grippers[name]) for name in context.shown.grasp_types]
+    shown = [_held(o, top, library[o.name], sticks) for o, top in pictured]
     shown_as = drawn(worst(shown, HEADINGS.get(context.ranking, f"the ranking {context.ranking}")))
     words = caption(
         f"The objects with the lowest CG by the ranking <code>{html.escape(context.ranking)}</code>, K = "
-        f"{context.shown.K}, with their {n} highest-ranked grasps: red failed, green held. A fork is the open hand: "
-        "approach axis, palm, and two fingers that end at the pads. Turned below."
+        f"{context.shown.K}, with their {n} highest-ranked grasps: red failed, green held. {outline_words(grippers)} "
+        "Turned below."
     )
     body = words + picture(shown_as, "worst objects") + turning(worst_view(shown))
     return Part(Section("worst", title, body), {"worst_objects.png": png(shown_as)})
 
 
-def _held(predictions: Predictions, top: np.ndarray, obj: GraspObject, openings: Mapping[str, float]) -> Held:
-    wide = [openings[GRASP_TYPES[code]] for code in predictions.grasp_type[top]]
-    return Held.of(predictions.name, obj.mesh, predictions.T_object_tcp[top], wide, predictions.success[top])
+def _held(predictions: Predictions, top: np.ndarray, obj: GraspObject, sticks: Sequence[np.ndarray]) -> Held:
+    open_hands = [sticks[code] for code in predictions.grasp_type[top]]
+    return Held.of(predictions.name, obj.mesh, predictions.T_object_tcp[top], open_hands, predictions.success[top])

@@ -13,14 +13,12 @@ from spgf_torch.drawing.page import Section, caption, drawn, picture, png
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.predictions import Predictions
 from spgf_torch.features.spgf import Features
-from spgf_torch.hands.config import GRASP_TYPES, HandConfig
-from spgf_torch.hands.hand import load_hand
 from spgf_torch.objects.config import CLASSES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find
 from spgf_torch.reporting.figures.example import Steps, Surroundings, telling_feature
 from spgf_torch.reporting.figures.grid_figures import alignment_figure, average_figure, grid_figure
-from spgf_torch.reporting.figures.learned import learned_grasps
+from spgf_torch.reporting.figures.learned import deep_outline, learned_grasps, short_outline
 from spgf_torch.reporting.figures.overview import Overview, overview
 from spgf_torch.reporting.figures.scenes import ABOVE, Inferred
 from spgf_torch.reporting.figures.setup_figure import Tried, setup_figure
@@ -29,9 +27,8 @@ from spgf_torch.reporting.pages.context import Context, Part
 from spgf_torch.reporting.pages.pictured import Pictured
 from spgf_torch.sensing.cameras import surround
 from spgf_torch.sensing.texlets import Texlets
-from spgf_torch.settings import typed
 
-KIND = "NPG"  # the type of grasp in Figs. 1, 6 and 7, as in the paper's Fig. 7b
+KIND = "NPG"  # the type of grasp in Figs. 1, 6 and 7, as in the paper's Fig. 7b; of other hands the first
 APART = 0.05  # m between feature and grasp in Fig. 6, about: T is seen, and the feature still has to do with it
 SHEET = "contact_sheet.png"
 WHAT = {
@@ -80,7 +77,8 @@ def example(shown: Pictured, library: Mapping[str, GraspObject], candidates: Seq
 def overview_part(context: Context, shown: Pictured, given: Example) -> Part:
     """Fig. 1."""
     own = int(given.inferred.ids[given.chosen])
-    learned = learned_grasps(shown.model, own, KIND, _opening(shown, KIND), context.config.grasps)
+    gripper = shown.grippers[_kind(shown)]
+    learned = learned_grasps(shown.model, own, gripper.type, short_outline(gripper), context.config.grasps)
     figure = overview(Overview(given.inferred, given.steps, shown.looks, own, learned), shown.eyes.features.radius)
     words = (
         f"From an object ({_name(given.obj)}) to features that know of grasps. (a) Its texlets, with a chosen one "
@@ -88,7 +86,7 @@ def overview_part(context: Context, shown: Pictured, given: Example) -> Part:
         "relation to each neighbour. (d) Two circular grids, above for normals on the centre's side, below for the "
         "others; white cells are empty. (e) Unfolded. (f) The moving average fills what sampling left empty; hatched: "
         "gaps. (g) Aligned to the highest curvature. (h) k-means prototypes. (i) What was learned of "
-        f"{shown.looks[own].name}, the prototype of this feature ({KIND}; red 0 to green 1). (j) The object's "
+        f"{shown.looks[own].name}, the prototype of this feature ({gripper.type}; red 0 to green 1). (j) The object's "
         f"inferred prototypes, in their colours; {shown.whose}."
     )
     return _part("fig1", "Fig. 1: overview", {"fig01_overview.png": (figure, words)})
@@ -118,13 +116,14 @@ def steps_part(shown: Pictured, given: Example, candidates: Sequence[Predictions
 
 
 def link(shown: Pictured, given: Example, tried: Predictions) -> Linked:
-    """The feature and a trial of `KIND` about `APART` from it, one that held if any did."""
+    """The feature and a trial of the type `_kind` about `APART` from it, one that held if any did."""
     feature = given.steps.T_object_feature
     apart = np.abs(np.linalg.norm(tried.pose[:, :3] - feature[:3, 3], axis=1) - APART)
-    wrong = tried.grasp_type != GRASP_TYPES.index(KIND)
+    grasp_types = shown.model.grasp_types
+    wrong = tried.grasp_type != grasp_types.index(_kind(shown))
     best = int(np.lexsort((apart, ~tried.success, wrong))[0])
     look = shown.looks[int(given.inferred.ids[given.chosen])]
-    kind = GRASP_TYPES[tried.grasp_type[best]]
+    gripper = shown.grippers[grasp_types[tried.grasp_type[best]]]
     inferred = given.inferred
     return Linked(
         inferred.positions,
@@ -132,7 +131,7 @@ def link(shown: Pictured, given: Example, tried: Predictions) -> Linked:
         feature,
         tried.T_object_tcp[best],
         look,
-        _opening(shown, kind),
+        deep_outline(gripper),
         bool(tried.success[best]),
     )
 
@@ -141,22 +140,17 @@ def setup_part(shown: Pictured, given: Example, candidates: Sequence[Predictions
     """Fig. 7. Raises InputError without trials on the object."""
     if (tried := _of(candidates, given.obj)) is None:
         raise InputError(f"Fig. 7: expected predictions on {given.obj.name}, got none")
-    hand = load_hand(typed(HandConfig, shown.run.settings["hand"]))
     cameras = surround(shown.eyes.sensing, given.obj.mesh.bounds.mean(axis=0))
-    of_kind = tried.grasp_type == GRASP_TYPES.index(KIND)
-    trials = Tried(
-        KIND,
-        tried.T_object_tcp[of_kind],
-        tried.success[of_kind],
-        tried.collides[of_kind],
-        _opening(shown, KIND),
-    )
-    hands = {kind: (hand.preshapes[kind].shapes, _opening(shown, kind)) for kind in reversed(GRASP_TYPES)}
+    kind, hands = _kind(shown), [shown.grippers[name] for name in reversed(shown.model.grasp_types)]
+    of_kind = tried.grasp_type == shown.model.grasp_types.index(kind)
+    columns = (column[of_kind] for column in (tried.T_object_tcp, tried.success, tried.collides))
+    trials = Tried(shown.grippers[kind], *columns)
+    letters = ", ".join(f"({chr(ord('c') + i)})" for i in range(len(hands)))
     words = (
         f"(a) {len(cameras)} RGB-D cameras around the object, {shown.eyes.sensing.distance:g} m from its centre (x "
-        f"red, y green, z, where it looks, black). (b) Some of the {int(of_kind.sum())} trials of {KIND} on "
-        f"{_name(given.obj)}, as many of each outcome: in truth {100 * trials.success.mean():.0f} % held. (c), (d) The "
-        "hand's collision shapes, open for both types of grasp."
+        f"red, y green, z, where it looks, black). (b) Some of the {int(of_kind.sum())} trials of {kind} on "
+        f"{_name(given.obj)}, as many of each outcome: in truth {100 * trials.success.mean():.0f} % held. {letters} "
+        "The hand's collision shapes, open for each type of grasp."
     )
     figure = setup_figure(given.obj.mesh, cameras, trials, hands)
     return _part("fig7", "Fig. 7: set-up", {"fig07_setup.png": (figure, words)})
@@ -183,8 +177,9 @@ def _of(candidates: Sequence[Predictions], obj: GraspObject) -> Predictions | No
     return next((each for each in candidates if each.name == obj.name), None)
 
 
-def _opening(shown: Pictured, kind: str) -> float:
-    return float(shown.run.settings["hand"]["openings"][kind])
+def _kind(shown: Pictured) -> str:
+    """The type of grasp that is shown where there is room for one."""
+    return KIND if KIND in shown.grippers else shown.model.grasp_types[0]
 
 
 def _name(obj: GraspObject) -> str:

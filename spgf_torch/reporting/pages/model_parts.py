@@ -5,17 +5,16 @@ from __future__ import annotations
 import html
 
 from spgf_torch.drawing.page import Section, caption, drawn, picture, png, table, turning
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.prototypes import naming as rule
 from spgf_torch.prototypes.naming import ring_shape
 from spgf_torch.reporting.figures import scenes
-from spgf_torch.reporting.figures.learned import best_percent, learned_grasps
+from spgf_torch.reporting.figures.learned import best_percent, learned_grasps, short_outline
 from spgf_torch.reporting.figures.views import grasp_view, object_view, prototype_view
 from spgf_torch.reporting.pages.context import Context, Part
 from spgf_torch.reporting.pages.pictured import Pictured, some_objects
 
-FIGURE = {"NPG": 12, "WPG": 13}
+FIGURE = {"NPG": 12, "WPG": 13}  # of the paper, which has these two types
 WORDS = {"NPG": "narrow pinch grasp", "WPG": "wide pinch grasp"}
 BEST = 3  # prototypes that the text names
 
@@ -51,22 +50,30 @@ def objects_part(context: Context, shown: Pictured, library: dict[str, GraspObje
 
 
 def grasps_part(context: Context, shown: Pictured, kind: str) -> Part:
-    """Fig. 12 (NPG) or 13 (WPG)."""
-    opening = float(shown.run.settings["hand"]["openings"][kind])
+    """Fig. 12 (NPG) or 13 (WPG), and the same of types that have other names."""
+    gripper = shown.grippers[kind]
+    name, title = (
+        (f"fig{FIGURE[kind]}", f"Fig. {FIGURE[kind]}: {kind}") if kind in FIGURE else (kind, f"Learned: {kind}")
+    )
     reach = float(shown.run.settings["affordance"]["reach"])
-    learned = [learned_grasps(shown.model, k, kind, opening, context.config.grasps) for k in range(len(shown.looks))]
-    shown_as = drawn(scenes.grasps(shown.looks, learned, kind, opening))
+    learned = [
+        learned_grasps(shown.model, k, kind, short_outline(gripper), context.config.grasps)
+        for k in range(len(shown.looks))
+    ]
+    shown_as = drawn(scenes.grasps(shown.looks, learned, gripper))
+    words_for = f"the {WORDS[kind]} ({kind})" if kind in WORDS else f"the grasp type {html.escape(kind)}"
+    true = "at true width (but a third of their length)" if gripper.jaw else "as outlines"
     points = sum(found.points for found in learned)
     words = caption(
-        f"What {shown.whose}, learned of the {WORDS[kind]} ({kind}): each prototype alone, and in grey with hands at "
-        f"true width (but a third of their length) where grasps were tried up to {1000 * reach:.0f} mm away: red, they "
+        f"What {shown.whose}, learned of {words_for}: each prototype alone, and in grey with hands "
+        f"{true} where grasps were tried up to {1000 * reach:.0f} mm away: red, they "
         f"failed; green, they held. Of {points:,} learned points the picture shows {context.config.grasps} a "
         "prototype, from its best supported ones: one half spread over the most successful, the other over all. "
         + _most_reliable(shown, kind)
     )
     body = words + picture(shown_as, f"learned grasps {kind}") + turning(grasp_view(shown.looks, learned))
-    title = f"Fig. {FIGURE[kind]}: {kind}"
-    return Part(Section(f"fig{FIGURE[kind]}", title, body), {f"fig{FIGURE[kind]}_{kind}.png": png(shown_as)})
+    file = f"{name}_{kind}.png" if kind in FIGURE else f"learned_{kind}.png"
+    return Part(Section(name, title, body), {file: png(shown_as)})
 
 
 def _most_reliable(shown: Pictured, kind: str) -> str:
@@ -74,7 +81,7 @@ def _most_reliable(shown: Pictured, kind: str) -> str:
     best = [best_percent(shown.model, k, kind) for k in range(len(shown.looks))]
     order = sorted(range(len(best)), key=lambda k: -best[k])[:BEST]
     told = ", ".join(f"{html.escape(shown.looks[k].name)} {best[k]:.2f}" for k in order)
-    base = float(shown.model.condensed.base_rate[GRASP_TYPES.index(kind)])
+    base = float(shown.model.condensed.base_rate[shown.model.grasp_types.index(kind)])
     return (
         f"The mean probability of the most successful hundredth of a prototype's points is highest for {told}, lowest "
         f"{min(best):.2f}; {base:.2f} of all particles held."

@@ -14,6 +14,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.experiment.held_out import FOLDER, novel_by_fold
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import Features, spgf
+from spgf_torch.hands.records import Gripper
 from spgf_torch.objects.config import CLASSES
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.prototypes.kmeans import assign
@@ -21,7 +22,7 @@ from spgf_torch.prototypes.naming import gaps, mirror_twins, prototype_names
 from spgf_torch.reporting.data.runs import Run
 from spgf_torch.reporting.figures.learned import Members, rings
 from spgf_torch.reporting.figures.scenes import Inferred, Look
-from spgf_torch.reporting.pages.context import Context
+from spgf_torch.reporting.pages.context import Context, grippers_of_run
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.sense import sense
 from spgf_torch.sensing.texlets import Texlets
@@ -58,6 +59,7 @@ class Pictured:
         novel: those objects; of a model of all objects none.
         degrees: (K, 2, cells, 2) the prototypes' rings.
         members: of the training objects' features; None where the objects cannot be read.
+        grippers: grasp type -> the open hand.
     """
 
     run: Run
@@ -68,6 +70,7 @@ class Pictured:
     degrees: np.ndarray
     members: Members | None
     looks: list[Look]
+    grippers: dict[str, Gripper]
 
     @property
     def whose(self) -> str:
@@ -112,7 +115,8 @@ def pictured(context: Context, library: Mapping[str, GraspObject]) -> Pictured:
     teachers = [obj for name, obj in sorted(library.items()) if taught.get(name) == obj.digest]
     novel = [obj for name, obj in sorted(library.items()) if unseen.get(name) == obj.digest]
     members = _members(teachers, eyes, model, degrees) if teachers else None
-    return Pictured(run, eyes, model, fold, novel, degrees, members, looks(degrees, members, eyes.features.radius))
+    shown_as = looks(degrees, members, eyes.features.radius)
+    return Pictured(run, eyes, model, fold, novel, degrees, members, shown_as, grippers_of_run(run))
 
 
 def looks(degrees: np.ndarray, members: Members | None, radius: float) -> list[Look]:

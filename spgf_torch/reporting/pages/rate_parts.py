@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import html
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from spgf_torch.affordance.config import JUDGE, NESTED
 from spgf_torch.drawing.page import Section, caption, chart, drawn, png, table
 from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.results import KNOWS_MORE
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.objects.config import CLASSES
-from spgf_torch.reporting.data.runs import Block, Run
+from spgf_torch.reporting.data.runs import TOGETHER, Block, Run
 from spgf_torch.reporting.data.seeds import Repeats, seed_words
 from spgf_torch.reporting.figures.charts import success_over_k
 from spgf_torch.reporting.pages.ablations import (
@@ -23,7 +22,7 @@ from spgf_torch.reporting.pages.ablations import (
     ranked_otherwise,
 )
 from spgf_torch.reporting.pages.context import Context, Part
-from spgf_torch.reporting.pages.table1 import Group, about_seeds, latex, long_csv, markdown, page_table, short_markdown
+from spgf_torch.reporting.pages.table1 import Table1, about_seeds, latex, long_csv, markdown, page_table, short_markdown
 
 FROM_K = 10  # the smallest K of the comparison of CG with single types: below, the paper's K = 5 is too coarse
 PAPERS = "paper"  # the ranking
@@ -40,33 +39,33 @@ def headline(context: Context) -> Part:
     """The numbers a reader wants first, and what they are of: the K that the paper has its best with, or the shown."""
     row, ranking = context.row, context.ranking
     second = context.second
-    cards = [_card(row, ranking)]
-    if row.K in paper.SUCCESS_RATE:
+    cards, papers = [_card(row, ranking)], row.of_papers_hand
+    if papers and row.K in paper.SUCCESS_RATE:
         cards.append(
             (f"{paper.SUCCESS_RATE[row.K]['all']['CG']:.1f} %", f"the paper, K = {row.K}, on other objects, RobWorkSim")
         )
     if second is not None and second in row.by_ranking:
         cards.append(_card(row, second))
-    ours, theirs = (
-        " / ".join(f"{rates['all'][kind]:.1f}" for kind in GRASP_TYPES)
-        for rates in (_percent(row.random), paper.RANDOM)
-    )
-    cards.append((f"{ours} %", f"a random candidate, NPG / WPG; the paper's: {theirs}"))
+    kinds = html.escape(" / ".join(row.grasp_types))
+    ours, theirs = (_singles(rates, row.grasp_types) for rates in (_percent(row.random), paper.RANDOM))
+    beside = f"; the paper's: {theirs}" if papers else ""
+    cards.append((f"{ours} %", f"a random candidate, {kinds}{beside}"))
     if (worst := _worst_gap(context)) is not None:
         gap, name, K = worst
         cards.append(
             (
                 f"{100 * gap:+.1f}",
-                f"percentage points: CG less the better of NPG and WPG, where CG does worst ({name}, K = {K}; of all "
+                f"percentage points: CG less {_better(row.grasp_types)}, where CG does worst ({name}, K = {K}; of all "
                 f"classes and K from {FROM_K} on)",
             )
         )
     boxes = "".join(f'<div class="card"><b>{value}</b><span>{words}</span></div>' for value, words in cards)
+    other_data = f"<b>{paper.OTHER_DATA}</b> " if papers else ""
     text = (
-        f"<p><b>{paper.OTHER_DATA}</b> {_told(context)}</p>"
+        f"<p>{other_data}{_told(context)}</p>"
         f"<p>Success-rate: of the {row.N} highest-ranked grasps on an object that was not learned from, the share "
-        "that the simulated hand held (Eq. 10). NPG and WPG are the narrow and the wide pinch grasp, CG is both in "
-        f"one ranking. Pictures of what was learned are of K = {row.K}, seed {context.shown.seed}.</p>"
+        f"that the simulated hand held (Eq. 10). {_kinds_words(row)} Pictures of what was learned "
+        f"are of K = {row.K}, seed {context.shown.seed}.</p>"
     )
     folders = [
         [str(run.K), str(run.seed), html.escape(run.folder.name), html.escape(run.stamp.split("_")[0])]
@@ -78,28 +77,29 @@ def headline(context: Context) -> Part:
     return Part(Section("summary", "Summary", f'<div class="cards">{boxes}</div>{text}{listed}'))
 
 
-def table_part(context: Context, groups: list[Group]) -> Part:
+def table_part(context: Context, found: Table1) -> Part:
     """Table 1, and the same as files."""
     n = context.shown.N
-    about = f"{about_seeds(groups)} {paper.OTHER_DATA} {KNOWS_MORE}"
+    about = " ".join(filter(None, [about_seeds(found), found.other_data, KNOWS_MORE]))
     title = f"Success-rate (%) of the {n} highest-ranked grasps on novel objects. {about}"
+    grey = "Grey rows are the paper's. " if found.other_data else ""
     words = caption(
-        f"Rates in percent of the {n} highest-ranked grasps, small numbers are intervals. {about} Grey rows are "
-        "the paper's. <i>Random</i> is the share of successes among all candidates, <i>collision-free</i> the same"
+        f"Rates in percent of the {n} highest-ranked grasps, small numbers are intervals. {about} "
+        f"{grey}<i>Random</i> is the share of successes among all candidates, <i>collision-free</i> the same"
         " among candidates whose open hand holds no sensed point, and the <i>ceiling</i> what a ranking that "
         "knew the outcomes would reach. Shaded is the K that is the paper's best. Files: <code>table1.md</code>, "
         "<code>table1.csv</code>, <code>table1.tex</code>." + (JUDGE_WORDS if JUDGE in context.rankings else "")
     )
-    rankings = [group for group in groups if any(row.row.startswith("ours") for row in group.rows)]
-    first, others, rest = rankings[:2], rankings[2:], groups[len(rankings) :]
-    body = words + f'<div class="wide">{page_table([*first, *rest])}</div>'
+    first, others, rest = found.rankings[:2], found.rankings[2:], found.groups[len(found.rankings) :]
+    body = words + f'<div class="wide">{page_table([*first, *rest], found.types)}</div>'
     if others:
-        body += f'<details><summary>Other rankings</summary><div class="wide">{page_table(others)}</div></details>'
+        folded = page_table(others, found.types)
+        body += f'<details><summary>Other rankings</summary><div class="wide">{folded}</div></details>'
     files = {
-        "table1.md": markdown(groups, title),
-        "table1_short.md": short_markdown(groups),
-        "table1.csv": long_csv(groups),
-        "table1.tex": latex(groups, title),
+        "table1.md": markdown(found, title),
+        "table1_short.md": short_markdown(found),
+        "table1.csv": long_csv(found),
+        "table1.tex": latex(found, title),
     }
     return Part(Section("table1", "Table 1", body), {name: text.encode() for name, text in files.items()})
 
@@ -138,10 +138,11 @@ def over_k(context: Context) -> Part:
     second = context.second
     figure = success_over_k(context.sweep.rows, context.ranking, second)
     beside = f" Dotted with squares: our ranking <code>{html.escape(second)}</code>. {KNOWS_MORE}" if second else ""
+    theirs = f" Grey: the paper. {paper.OTHER_DATA}" if context.row.of_papers_hand else ""
     words = caption(
         "Success-rate over the number of prototypes. A row a grasp type, a column a class of objects. "
         f"Coloured: this package, ranking <code>{html.escape(context.ranking)}</code>, with its 95 % interval."
-        f"{beside} Grey: the paper. {paper.OTHER_DATA} Dashed: random candidates; dotted: what a ranking that knew the "
+        f"{beside}{theirs} Dashed: random candidates; dotted: what a ranking that knew the "
         "outcomes would reach."
     )
     body = words + chart(figure, "success-rate over K")
@@ -175,13 +176,33 @@ def ablation_part(context: Context) -> Part | None:
 
 def _card(row: Repeats, ranking: str) -> tuple[str, str]:
     """CG of all objects by a ranking, with its interval and what it is of."""
-    low, high = row.interval95[ranking]["all"]["CG"]
+    low, high = row.interval95[ranking]["all"][TOGETHER]
     name = {PAPERS: "the paper's ranking", NESTED: "our ranking, which knows sensed collisions"}.get(ranking, ranking)
     seeds = seed_words(len(row.seeds[ranking]))
     words = (
         f"here, {html.escape(name)}: CG, all objects, K = {row.K}, {seeds} (95 %: {100 * low:.0f} to {100 * high:.0f})"
     )
     return f"{100 * row.rate(ranking):.1f} %", words
+
+
+def _singles(rates: Mapping[str, Mapping[str, float]], kinds: Sequence[str]) -> str:
+    """Rates of all objects of each type, as far as there are some."""
+    return " / ".join(f"{rates['all'][kind]:.1f}" for kind in kinds if kind in rates["all"])
+
+
+def _better(kinds: Sequence[str]) -> str:
+    """The best single type in words, as HTML."""
+    if len(kinds) == 2:
+        return f"the better of {html.escape(' and '.join(kinds))}"
+    return f"the best of {html.escape(', '.join(kinds))}"
+
+
+def _kinds_words(row: Repeats) -> str:
+    """What the grasp types are, in a sentence of HTML."""
+    if row.of_papers_hand:
+        return "NPG and WPG are the narrow and the wide pinch grasp, CG is both in one ranking."
+    named = html.escape(", ".join(row.grasp_types))
+    return f"Grasp types of the hand: {named}; CG is all of them in one ranking."
 
 
 def _told(context: Context) -> str:
@@ -203,7 +224,7 @@ def _worst_gap(context: Context) -> tuple[float, str, int] | None:
     """The lowest CG minus better single type over classes and K >= 10, its class and K."""
     gaps = [
         (
-            row.rate(context.ranking, name) - max(row.rate(context.ranking, name, kind) for kind in GRASP_TYPES),
+            row.rate(context.ranking, name) - max(row.rate(context.ranking, name, kind) for kind in row.grasp_types),
             name,
             row.K,
         )

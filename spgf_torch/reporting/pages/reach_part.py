@@ -30,10 +30,11 @@ def reach_part(context: Context) -> Part | None:
         context.tell(f"left out of K and reach: {error}")
         return None
     figure = success_over_reach(curves, rankings)
+    papers = " Grey: the paper, on its own objects." if context.row.of_papers_hand else ""
     words = caption(
         "CG success-rate over the number of prototypes K, for each reach: how far from a grasp a feature may vote for "
         "it. The paper names no such limit; its features are of 30 mm radius. With K = 1 all shapes are one: "
-        "what a wide reach gives there comes from poses alone. Grey: the paper, on its own objects. "
+        f"what a wide reach gives there comes from poses alone.{papers} "
         f"<i>K = {NOMINAL_K} minus</i> are differences in points, paired by seed and object. Files: "
         "<code>reach_over_K.png</code>, <code>reach.md</code>."
     )
@@ -62,7 +63,8 @@ def reach_rows(curves: Curves, rankings: Sequence[str], context: Context) -> tup
                 rates = [_rate(by_k.get(K), ranking, name) for K in ks]
                 changes = [_change(by_k.get(NOMINAL_K), by_k.get(K), ranking, name, context) for K in below]
                 lines.append([HEADINGS.get(ranking, ranking), f"{1000 * reach:g}", name, seeds, *rates, *changes])
-        lines.append(_printed(name, ks, below))
+        if context.row.of_papers_hand:
+            lines.append(_printed(name, ks, below))
     return head, lines
 
 

@@ -123,9 +123,9 @@ def _random(made: Tried) -> list[Chosen]:
             poses.append(Hypotheses(table.T_object_tcp[at], table.grasp_type[at]))
     else:
         for obj in objects:
-            sampled = sample(obj, provenance_of(obj, made.trials, config.sampler, config.candidates, config.seed))
-            kind = torch.arange(len(GRASP_TYPES)).repeat_interleave(config.candidates)
-            poses.append(Hypotheses(pose_matrix(sampled.position, sampled.quaternion), kind))
+            provenance = provenance_of(obj, made.trials, config.sampler, config.candidates, config.seed)
+            sampled = sample(obj, provenance, made.trials.samplers)
+            poses.append(Hypotheses(pose_matrix(sampled.position, sampled.quaternion), sampled.grasp_type))
     nowhere = [torch.full((len(its),), -1) for its in poses]
     return [
         Chosen(its, where, torch.full_like(where, SAMPLED), torch.full((len(its),), torch.nan))

@@ -33,7 +33,7 @@ def examples(made: Tried, clouds: Sequence[Described], share: float = 1.0) -> li
         frames, relations = cloud.frames[cloud.valid], cloud.relations[cloud.valid]
         generator = torch.Generator().manual_seed(bench.index)
         pairs = cell_pairs(frames, poses.T.float(), poses.grasp_type, config, generator)
-        found.append(DescribedObject(relations, pairs, torch.zeros_like(success), success))
+        found.append(DescribedObject(relations, pairs, torch.zeros_like(success), made.trials.grasp_types, success))
     return found
 
 

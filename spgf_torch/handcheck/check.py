@@ -1,0 +1,36 @@
+"""All that geometry tells of a hand before anything is simulated: a fraction of a second."""
+
+from __future__ import annotations
+
+from spgf_torch.handcheck.bodies import body_findings
+from spgf_torch.handcheck.closed import closed_findings
+from spgf_torch.handcheck.finding import Finding, refuse
+from spgf_torch.handcheck.opened import opened_findings
+from spgf_torch.handcheck.posed import Posed
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import Hand, load_hand
+from spgf_torch.hands.kinematics import Kinematics
+
+MOST_HANDS = 16  # whose findings are kept
+_FINDINGS: dict[str, list[Finding]] = {}
+
+
+def check_hand(hand: Hand) -> list[Finding]:
+    """Every check of a hand and of each of its preshapes; once for a hand, however often it is asked for."""
+    if hand.digest not in _FINDINGS:
+        if len(_FINDINGS) >= MOST_HANDS:
+            _FINDINGS.pop(next(iter(_FINDINGS)))
+        kinematics = Kinematics(hand.robot)
+        findings = list(body_findings(hand))
+        for name in hand.preshapes:
+            posed = Posed(hand, name, kinematics)
+            findings += [*opened_findings(posed), *closed_findings(posed)]
+        _FINDINGS[hand.digest] = findings
+    return _FINDINGS[hand.digest]
+
+
+def checked_hand(config: HandConfig) -> Hand:
+    """The hand of a description. Raises InputError, as `load_hand`, and for the first check that it does not pass."""
+    hand = load_hand(config)
+    refuse(hand.config.name, check_hand(hand))
+    return hand

@@ -1,0 +1,81 @@
+"""A proposed description as YAML with a comment beside each key; `# ?` begins what the URDF does not tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import yaml
+
+from spgf_torch.handcheck.proposal import Proposal
+from spgf_torch.hands.config import HandConfig, PreshapeConfig
+
+HEAD = (
+    "# Proposed by python -m spgf_torch.hand from the URDF alone; look at the picture. Lines with `# ?` say what the URDF",
+    "# does not tell. Keys: docs/howto/hand.md.",
+)
+
+
+def proposal_text(proposal: Proposal) -> str:
+    """The file's content."""
+    return "\n".join([*HEAD, *_lines(proposal), ""])
+
+
+def _lines(proposal: Proposal) -> Iterator[str]:
+    config, doubts = proposal.config, proposal.doubts
+    yield f"name: {_flow(config.name)}"
+    yield f"urdf: {_flow(config.urdf)}"
+    yield from _doubts(doubts, "urdf")
+    if config.packages:
+        yield f"packages: {_flow(config.packages)}"
+    if config.root is not None:
+        yield f"root: {_flow(config.root)}"
+    yield f"approach: {_flow(config.approach)}  # out of the palm, in the frame of root"
+    yield from _doubts(doubts, "approach")
+    yield "fingers:  # links that count as touching; the first carries the pad"
+    for name, links in config.fingers.items():
+        yield f"  {_flow(name)}: {_flow(links)}"
+    yield from _doubts(doubts, "fingers", "  ")
+    yield "preshapes:"
+    for name, preshape in config.preshapes.items():
+        yield f"  {name}:"
+        yield from (f"    {line}" for line in _preshape(preshape, proposal))
+    yield from _closing(config)
+    yield from _doubts(doubts, "closing", "  ")
+    if proposal.error:
+        yield f"# ? this does not load yet: {proposal.error}"
+
+
+def _preshape(preshape: PreshapeConfig, proposal: Proposal) -> Iterator[str]:
+    if preshape.hold:
+        yield f"hold: {_flow(preshape.hold)}  # deg, m; joints that stand still"
+        yield from _doubts(proposal.doubts, "hold")
+    if preshape.opening is not None:
+        yield f"opening: {_flow(preshape.opening)}  # m between the pads"
+        yield from _doubts(proposal.doubts, "opening")
+    if preshape.open:
+        yield f"open: {_flow(preshape.open)}  # deg, m"
+    yield f"close: {_flow(preshape.close)}  # direction times share of the effort"
+    yield f"oppose: {_flow(preshape.oppose)}  # groups that press against each other"
+    yield from _doubts(proposal.doubts, "oppose")
+    if preshape.pads:
+        yield f"pads: {_flow(preshape.pads)}  # m, in the frame of each finger's first link"
+
+
+def _closing(config: HandConfig) -> Iterator[str]:
+    told = {"effort": "Nm, or N of joints that slide", "speed": "rad/s or m/s of the targets", "time": "s at most"}
+    values = {key: getattr(config.closing, key) for key in told}
+    if any(value is not None for value in values.values()):
+        yield "closing:  # from the URDF's efforts and velocities, 50 N at a pad and 0.8 s for the stroke at most"
+        for key, value in values.items():
+            yield f"  {key}: {_flow(value)}  # {told[key]}"
+
+
+def _doubts(doubts: dict[str, list[str]], key: str, indent: str = "") -> Iterator[str]:
+    yield from (f"{indent}# ? {words}" for words in doubts.get(key, []))
+
+
+def _flow(value: Any) -> str:
+    """A value of YAML on one line."""
+    text = yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=float("inf"), allow_unicode=True)
+    return text.removesuffix("\n").removesuffix("\n...").strip()
