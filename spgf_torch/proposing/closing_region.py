@@ -18,8 +18,9 @@ from torch import Tensor
 
 from spgf_torch.affordance.sensed_collision import HandVolume
 from spgf_torch.errors import InputError
+from spgf_torch.hands.hand import PAD
 
-# m behind a pad's face, and to either side of the TCP's height, in which fingers are measured: a fingertip's thickness.
+# m behind a pad's face in which its extents are measured: a fingertip's thickness.
 _SKIN = 0.005
 # m; faces whose distances from the TCP differ by less are as far: the rest is rounding, or an opening's tolerance.
 _EVEN = 1e-4
@@ -143,10 +144,10 @@ def _between_groups(groups: list[list[np.ndarray]]) -> ClosingRegion:
 
 
 def _beside(group: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of what of a group lies at the TCP's height, or as near to it as any does; and of all those pieces."""
+    """Corners of what of a group lies at the TCP's height (`PAD` about it), or as near to it as any does; and of all those pieces."""
     whole = [corners_of(planes) for planes in group]
     ends = np.concatenate(whole)[:, 2]
-    reach = _SKIN + max(0.0, float(ends.min()), -float(ends.max()))
+    reach = PAD + max(0.0, float(ends.min()), -float(ends.max()))
     slab = np.array([[0, 0, 1, reach], [0, 0, -1, reach]])
     near = [corners for corners in whole if corners[:, 2].min() < reach and corners[:, 2].max() > -reach]
     cut = [np.concatenate([planes, slab]) for planes in group]
