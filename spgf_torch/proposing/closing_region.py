@@ -144,7 +144,7 @@ def _between_groups(groups: list[list[np.ndarray]]) -> ClosingRegion:
 
 
 def _beside(group: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of what of a group lies at the TCP's height (`PAD` about it), or as near to it as any does; and of all those pieces."""
+    """Corners of what of a group is level with the TCP (within `PAD`), or as near as any is; and of those pieces."""
     whole = [corners_of(planes) for planes in group]
     ends = np.concatenate(whole)[:, 2]
     reach = PAD + max(0.0, float(ends.min()), -float(ends.max()))

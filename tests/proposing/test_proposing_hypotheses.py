@@ -107,7 +107,7 @@ def test_the_three_places_by_hand() -> None:
 
 
 def test_the_places_of_a_jaw_that_is_open_to_one_side() -> None:
-    """A fixed face 12 mm at -x and the jaw 30 mm at +x: a thing from -5 to 15 mm goes to 9 mm, 6 mm from either face."""
+    """A fixed face 12 mm at -x and the jaw 30 mm at +x: a thing from -5 to 15 mm goes to 9, or 6 from a face."""
     region = replace(SEARCH.hands[1].region, half=0.021, middle=0.009)
     one, hand = torch.ones(1, 1), replace(SEARCH.hands[1], region=region)
     shift, fits = places(-0.005 * one, 0.015 * one, (5 * one).long(), hand, CONFIG)
