@@ -9,7 +9,7 @@ the collision shapes of the hand, with its fingers closed until the pads meet th
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +53,8 @@ def upright_grasp(poses: np.ndarray) -> np.ndarray:
 def hand_shapes(opening: float, T_world_tcp: np.ndarray) -> trimesh.Trimesh:
     """The SDH-2's collision shapes with its pads `opening` (m) apart, world frame."""
     config = settings(HandConfig)
-    config.preshapes = {TYPE: replace(config.preshapes[TYPE], opening=opening)}
+    for preshape in config.preshapes.values():
+        preshape.opening = opening
     shapes = load_hand(config).preshapes[TYPE].shapes
     return trimesh.util.concatenate([shape.copy().apply_transform(T_world_tcp) for shape in shapes])
 
