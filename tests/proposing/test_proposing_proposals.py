@@ -110,3 +110,21 @@ def test_a_third_type_is_predicted_under_its_name() -> None:
     assert {name: which.tolist() for name, which in best.items()} == {"MPG": [1], "NPG": [0], "WPG": [2], "CG": [0]}
     found = Predictor(None, settings(SensingConfig), grippers, None, 0.1).grasps(proposals, 1)
     assert [(grasp.type, grasp.joints["jaw"]) for grasp in found] == [("NPG", 0.02), ("MPG", 0.035), ("WPG", 0.05)]
+
+
+def test_votes_for_a_third_type_keep_its_name() -> None:
+    """Of three types only the middle one by name, NPG, has a promising particle: it is what is proposed, by that name,
+    and its own jaws, 20 mm apart, are what must be free: a point 15 mm beside the TCP is in a finger."""
+    lattice = grid_of(AFFORDANCE)
+    cell = lattice.index(torch.tensor([0.0, 0.0, 0.03]), torch.tensor([1.0, 0.0, 0.0, 0.0]))
+    rates = torch.full((3,), 0.5)
+    condensed = Condensed(torch.tensor([0, 0, 1, 1]), cell[None], torch.tensor([0.9]), torch.tensor([50.0]), rates)
+    model = GraspModel(centres(1), condensed, lattice, uncalibrated(rates), SETTINGS)
+    proposer = Proposer.of(model, replace(CONFIG, rounds=0), THREE)
+    features = features_of(torch.eye(4)[None], torch.tensor([0]), model.centres)
+    found = proposer.propose_from(features, torch.zeros(0, 3))
+    assert [found.grasp_types[code] for code in found.grasp_type.tolist()] == ["NPG"]
+    tcp = found.T_object_tcp[0]
+    for x, free in ((0.0, True), (0.015, False)):
+        points = torch.stack([tcp[:3, 3], tcp[:3, 3] + x * tcp[:3, 0]])
+        assert len(proposer.propose_from(features, points)) == int(free)
