@@ -143,7 +143,7 @@ def hopeless_types(tables: Sequence[TrialTable], hand: str) -> list[str]:
         if not counts[SUCCESS]:
             lines.append(
                 f"NO SUCCESS with the grasp type {name}: of {counts.sum():,} trials none held its object, in "
-                f"{counts[COLLISION]:,} the open hand cut it; check the hand: {CHECK} hand={hand}"
+                f"{counts[COLLISION]:,} the open hand cut it; check {hand}, given as here: {CHECK} hand=..."
             )
     return lines
 

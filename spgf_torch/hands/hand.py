@@ -141,7 +141,10 @@ def _preshape(opened: _Opened, config: HandConfig, closing: ClosingConfig, appro
         closed=opened.closed,
         T_base_tcp=T_base_tcp,
         T_base_link=links,
-        shapes=tuple(c.mesh.copy().apply_transform(T_tcp_base @ links[c.link] @ c.T_link_shape) for c in collisions),
+        shapes=tuple(  # with the normals that they were made with: new ones differ in the last digits
+            c.mesh.copy(include_cache=True).apply_transform(T_tcp_base @ links[c.link] @ c.T_link_shape)
+            for c in collisions
+        ),
         shape_links=tuple(c.link for c in collisions),
         drives=drives_of(config, motion, closing),
         held=frozenset(motion.held),
