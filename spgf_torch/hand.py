@@ -81,10 +81,8 @@ def _draw(hand: Hand, findings: list[Finding], folder: Path, page: bool) -> None
     from spgf_torch.handcheck.hand_page import hand_page
     from spgf_torch.handcheck.hand_picture import hand_picture
     from spgf_torch.handcheck.posed import Posed
-    from spgf_torch.hands.kinematics import Kinematics
 
-    kinematics = Kinematics(hand.robot)
-    preshapes = [Posed(hand, name, kinematics) for name in hand.preshapes]
+    preshapes = Posed.all_of(hand)
     write_bytes(folder / PICTURE, png(drawn(hand_picture(preshapes))))
     if page:
         lines = [f"{hand.urdf}, root {hand.base_link}", *hand.robot.notes]

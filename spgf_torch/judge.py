@@ -28,11 +28,13 @@ def run(config: JudgeConfig, folder: Path) -> None:
 
     from spgf_torch.cache import Cache
     from spgf_torch.evaluation.tables import hopeless_types
+    from spgf_torch.handcheck.standing import tried_hand
     from spgf_torch.judging.judge_training import TRIALS, Course, write_tables
     from spgf_torch.judging.settings import stages as plan
     from spgf_torch.judging.validation import executed_table
     from spgf_torch.objects.folders import read_objects
 
+    tried_hand(config.hand, config.episode)
     stages, cache = ProgressReporter(plan(config, config.trials is not None)), Cache.open(config.cache, config.cache_gb)
     found = read_objects(config, stages, cache)
     for note in found.notes:

@@ -36,7 +36,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
 
     from spgf_torch.files.digests import sealed_yaml
     from spgf_torch.files.writing import write_bytes
-    from spgf_torch.hands.hand import load_hand
+    from spgf_torch.handcheck.standing import tried_hand
     from spgf_torch.objects.folders import read_objects
     from spgf_torch.simulation.execute import made_with, provenance_of
     from spgf_torch.simulation.generation import Generation, Plan, finished
@@ -44,12 +44,12 @@ def run(config: SimulateConfig, folder: Path) -> None:
     from spgf_torch.simulation.worker import Trials
 
     share, out = share_of(config), Path(config.out) if config.out else folder
-    stages = ProgressReporter()
+    stages, hand = ProgressReporter(), tried_hand(config.hand, config.episode)
     found = read_objects(config, stages)
     for note in found.notes:
         show(note)
     objects = found.objects[share[0] - 1 :: share[1]]
-    trials = Trials(load_hand(config.hand), config.episode)
+    trials = Trials(hand, config.episode)
     provenances = [provenance_of(obj, trials, config.sampler, config.candidates, config.seed) for obj in objects]
     there = finished(out, provenances, trials.grasp_types)
     executor = executor_of(config)

@@ -55,6 +55,7 @@ def run(config: TrainConfig, folder: Path) -> None:
 
     check_device(config.device)
     check_dictionary(config)
+    _check_hand(config)
     start, stages = time.perf_counter(), ProgressReporter()
     cache = Cache.open(config.cache, config.cache_gb)
     found = read_objects(config, stages, cache)
@@ -92,6 +93,13 @@ def _check_packages(config: TrainConfig) -> None:
         needed("runner: dask", "distributed")
     if config.ranking == JUDGE:
         needed(f"ranking: {JUDGE}", "sklearn")
+
+
+def _check_hand(config: TrainConfig) -> None:
+    """InputError for a hand that is not what its description says, as far as geometry tells."""
+    from spgf_torch.handcheck.check import checked_hand
+
+    checked_hand(config.hand)
 
 
 def _check_constellations(config: TrainConfig) -> None:

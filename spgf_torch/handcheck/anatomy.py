@@ -126,7 +126,8 @@ class Anatomy:
         above = {body_of[joint.child]: joint for joint in self.moving.values()}
         found: dict[str, tuple[Joint, ...]] = {}
         for body in above.keys() - {body_of[joint.parent] for joint in self.moving.values()}:
-            tip, chain = body, []
+            tip = body
+            chain: list[Joint] = []
             while tip not in self.points and tip in above:
                 tip = body_of[above[tip].parent]
             at = tip

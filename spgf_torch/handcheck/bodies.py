@@ -8,12 +8,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from spgf_torch.hands.hand import Hand
 from spgf_torch.handcheck.finding import Finding
+from spgf_torch.hands.hand import Hand
 
 SMALLEST, LARGEST = 0.03, 1.0  # m across; a micro gripper's fingers, an excavator's: nothing that objects in m fit
 LEAST_SHAPE = 0.001  # m; the thinnest finger plate. Less is a mesh in m that was scaled as if in mm
-LIGHTEST, HEAVIEST = 1e-4, 30.0  # kg of a link that moves, and of the hand
+LIGHTEST = 1e-4  # kg of a link that moves
+DENSEST = 1e5  # kg/m3 of a link's shapes; four times osmium, since shapes may leave most of a link out
 WIDEST_GYRATION = 0.5  # m; radius of gyration of a link: as if its mass were on the far side of the largest hand
 
 
@@ -49,29 +50,29 @@ def _inertial_findings(hand: Hand) -> Iterator[Finding]:
     """Masses of the links that move, and how far from its centre each link's inertia puts its mass."""
     moving = {joint.child for joint in hand.robot.joints if joint.moves} - hand.robot.passive
     turning = {joint.child for joint in hand.robot.joints if joint.moves and joint.kind != "prismatic"}
-    masses, gyrations = {}, {}
+    masses, gyrations, volumes = {}, {}, _volumes(hand)
     for link in ElementTree.fromstring(hand.robot.xml).iter("link"):
-        mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
-        if link.get("name") in moving and mass is not None and inertia is not None:
-            name = str(link.get("name"))
+        mass, inertia, name = link.find("inertial/mass"), link.find("inertial/inertia"), str(link.get("name"))
+        if name in moving and mass is not None and inertia is not None:
             masses[name] = float(mass.get("value", 0))
-            if name not in turning:  # what slides does not turn: its inertia has no effect
-                continue
-            most = max(float(inertia.get(key, 0)) for key in ("ixx", "iyy", "izz"))
-            gyrations[name] = float(np.sqrt(max(most, 0.0) / max(masses[name], 1e-12)))
+            if name in turning:  # what slides does not turn: its inertia has no effect
+                most = max(float(inertia.get(key, 0)) for key in ("ixx", "iyy", "izz"))
+                gyrations[name] = float(np.sqrt(max(most, 0.0) / max(masses[name], 1e-12)))
     of_hand = partial(Finding, preshape="")
     if masses:
-        least, most_heavy = (pick(masses, key=masses.__getitem__) for pick in (min, max))
-        bad = least if masses[least] < LIGHTEST else most_heavy
+        densities = {name: mass / volumes[name] for name, mass in masses.items() if volumes.get(name)}
+        light = min(masses, key=lambda name: masses[name])
+        dense = max(densities, key=lambda name: densities[name], default=light)
+        bad = light if masses[light] < LIGHTEST else dense
         yield of_hand(
             check="mass of links",
-            measured=f"{masses[bad]:.3g} kg ({bad})",
-            expected=f"{LIGHTEST:g} to {HEAVIEST:g} kg",
-            ok=LIGHTEST <= masses[least] and masses[most_heavy] <= HEAVIEST,
-            remedy="masses are in kg: look at the URDF's <inertial>",
+            measured=f"{masses[bad]:.3g} kg, {densities.get(bad, 0):.3g} kg/m3 ({bad})",
+            expected=f"{LIGHTEST:g} kg or more, and {DENSEST:g} kg/m3 at most",
+            ok=masses[light] >= LIGHTEST and densities.get(dense, 0) <= DENSEST,
+            remedy="masses are in kg, not in g: look at the URDF's <inertial>",
         )
     if gyrations:
-        widest = max(gyrations, key=gyrations.__getitem__)
+        widest = max(gyrations, key=lambda name: gyrations[name])
         yield of_hand(
             check="inertia of links",
             measured=f"{1000 * gyrations[widest]:.3g} mm ({widest})",
@@ -79,3 +80,11 @@ def _inertial_findings(hand: Hand) -> Iterator[Finding]:
             ok=gyrations[widest] <= WIDEST_GYRATION,
             remedy="inertias are in kg m2: g mm2 need a factor of 1e-9, kg mm2 one of 1e-6",
         )
+
+
+def _volumes(hand: Hand) -> dict[str, float]:
+    """Link -> m3 of its shapes."""
+    volumes: dict[str, float] = {}
+    for piece in hand.robot.collisions:
+        volumes[piece.link] = volumes.get(piece.link, 0.0) + float(piece.mesh.volume)
+    return volumes

@@ -9,24 +9,22 @@ from spgf_torch.handcheck.opened import opened_findings
 from spgf_torch.handcheck.posed import Posed
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import Hand, load_hand
-from spgf_torch.hands.kinematics import Kinematics
 
 MOST_HANDS = 16  # whose findings are kept
-_FINDINGS: dict[str, list[Finding]] = {}
+_FINDINGS: dict[tuple[str, str], list[Finding]] = {}
 
 
 def check_hand(hand: Hand) -> list[Finding]:
     """Every check of a hand and of each of its preshapes; once for a hand, however often it is asked for."""
-    if hand.digest not in _FINDINGS:
+    key = (hand.digest, str([joint.mimic for joint in hand.robot.joints]))
+    if key not in _FINDINGS:
         if len(_FINDINGS) >= MOST_HANDS:
             _FINDINGS.pop(next(iter(_FINDINGS)))
-        kinematics = Kinematics(hand.robot)
         findings = list(body_findings(hand))
-        for name in hand.preshapes:
-            posed = Posed(hand, name, kinematics)
+        for posed in Posed.all_of(hand):
             findings += [*opened_findings(posed), *closed_findings(posed)]
-        _FINDINGS[hand.digest] = findings
-    return _FINDINGS[hand.digest]
+        _FINDINGS[key] = findings
+    return _FINDINGS[key]
 
 
 def checked_hand(config: HandConfig) -> Hand:

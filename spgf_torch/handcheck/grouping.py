@@ -57,11 +57,11 @@ class Grouping:
         return 1.0 - float(np.linalg.norm(np.mean(ways, axis=0))) if len(ways) > 1 else 0.0
 
     def open_at(self, share: float) -> dict[str, float]:
-        """Closers of all fingers at a share (0 to 1) of what each opens to at most; joints beyond the first straight."""
+        """Closers of all fingers at a share (0 to 1) of what each opens to; joints beyond the first are straight."""
         values: dict[str, float] = {}
         for finger in self.anatomy.fingers:
             straight = {name: _nearest(0.0, self.anatomy.span(name)) for name in finger.closers[1:]}
-            values |= {**straight, finger.closers[0]: self._opened(finger, straight, share)}
+            values |= {finger.closers[0]: self._opened(finger, straight, share), **straight}
         return values
 
     def _opened(self, finger: Finger, straight: dict[str, float], share: float) -> float:
@@ -70,12 +70,12 @@ class Grouping:
         base = next(joint for joint in finger.chain if joint.name in finger.flexors)
         low, high = anatomy.span(first)
         values = np.linspace(low, high, STEPS)
-        reach, out = [], []
+        inwards, reach, out = self.closing(finger), [], []
         for value in values:
             links = anatomy.at(0.5, {**self.held, **straight, first: value})
             tip = anatomy.placed(finger.name, links).mean(axis=0) - links[base.child][:3, 3]
             reach.append(float(tip @ anatomy.approach))
-            out.append(-float(tip @ self.closing(finger)))
+            out.append(-float(tip @ inwards))
         farthest = int(np.argmax(reach))
         kept = np.array(reach) >= REACH * max(reach)
         widest = int(np.argmax(np.where(kept, out, -np.inf)))

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import matplotlib as mpl
 import numpy as np
+import trimesh
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -19,6 +20,7 @@ from spgf_torch.handcheck.posed import Posed
 PANEL = 3.4  # inches
 FRONT, SIDE = (-78.0, 14.0), (-12.0, 14.0)  # azimuth and elevation, deg, in the TCP frame: closing lies across
 PANELS = (("open", 0, FRONT), ("closed", 1, FRONT), ("open, from the side", 0, SIDE))
+FINEST = 0.006  # m of an edge that is sorted by depth as a whole: coarser, a long palm hides what stands before it
 DARKEST = 0.5  # brightness of a face that looks away from the lamp
 
 
@@ -63,7 +65,8 @@ def _faces(shapes: Sequence[Part], links: Mapping[str, np.ndarray], turn: np.nda
     corners, colours = [], []
     for part in shapes:
         T = links[part.link]
-        triangles = ((part.vertices @ T[:3, :3].T + T[:3, 3]) @ turn.T)[part.faces]
+        vertices, faces = trimesh.remesh.subdivide_to_size(part.vertices, part.faces, FINEST, max_iter=20)
+        triangles = ((vertices @ T[:3, :3].T + T[:3, 3]) @ turn.T)[faces]
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         lengths = np.linalg.norm(normals, axis=1)
         shown = (normals[:, 2] > 0) & (lengths > 0)

@@ -19,11 +19,24 @@ EDGE = 5e-4  # m below the highest plane within which a face counts as the one a
 
 @dataclass(frozen=True)
 class Posed:
-    """A preshape of a hand, open and closed."""
+    """A preshape of a hand, open and closed.
+
+    Attributes:
+        finger_shapes: finger -> its surface, of all that some preshape closes.
+    """
 
     hand: Hand
     name: str
     kinematics: Kinematics
+    finger_shapes: Mapping[str, FingerShape]
+
+    @staticmethod
+    def all_of(hand: Hand) -> list[Posed]:
+        """Every preshape of a hand."""
+        kinematics, fingers = Kinematics(hand.robot), hand.config.fingers
+        closing = {name for preshape in hand.preshapes.values() for name in preshape.pads}
+        shapes = {name: finger_shape(hand.robot, name, links) for name, links in fingers.items() if name in closing}
+        return [Posed(hand, name, kinematics, shapes) for name in hand.preshapes]
 
     @property
     def preshape(self) -> Preshape:
@@ -61,11 +74,6 @@ class Posed:
             T = self.preshape.T_base_link[self.carriers[name]]
             points[name] = T[:3, :3].T @ (point - T[:3, 3])
         return points
-
-    @cached_property
-    def finger_shapes(self) -> dict[str, FingerShape]:
-        fingers = self.hand.config.fingers
-        return {name: finger_shape(self.hand.robot, name, fingers[name]) for name in self.preshape.pads}
 
     def pads_at(self, links: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Finger -> (3,) in the base frame for these poses of links."""

@@ -13,8 +13,9 @@ from spgf_torch.handcheck.anatomy import Anatomy, Finger, unit
 from spgf_torch.handcheck.faces import TURNED, jaw_pads, palmar_pad
 from spgf_torch.handcheck.grouping import Grouping, grouping_of
 from spgf_torch.hands.config import ClosingConfig, HandConfig, PreshapeConfig
+from spgf_torch.hands.fingers import finger_shape
 from spgf_torch.hands.hand import Hand, load_hand
-from spgf_torch.hands.motion import motion_of
+from spgf_torch.hands.motion import Motion, motion_of
 from spgf_torch.hands.pads import pads_of
 from spgf_torch.hands.robot import Robot
 from spgf_torch.hands.urdf import read_robot
@@ -81,7 +82,7 @@ def _shape(proposal: Proposal, anatomy: Anatomy, grouping: Grouping) -> None:
     if len(fingers) == 1 and len(fingers[0].closers) == 1:
         common.oppose = [*groups, [PALM]]
         common.pads, met = jaw_pads(anatomy, grouping, fingers[0], PALM)
-        _jaw(proposal, common, _turned(proposal, anatomy, common, met))
+        _single_jaw(proposal, anatomy, common, met)
         return
     if len(groups) == 2 and all(len(finger.closers) == 1 for finger in fingers):
         _jaw(proposal, common, _widest(proposal, anatomy, common))
@@ -102,22 +103,28 @@ def _jaw(proposal: Proposal, common: PreshapeConfig, widest: float) -> None:
     proposal.config.preshapes = {name: replace(common, opening=value) for name, value in openings.items()}
 
 
-def _turned(proposal: Proposal, anatomy: Anatomy, preshape: PreshapeConfig, met: float) -> float:
-    """m, to the millimetre below, between the pads of a single jaw that has turned as far as its face may."""
-    joint, sign = next(iter(preshape.close.items()))
-    config = replace(proposal.config, preshapes={WIDE: preshape})
-    pads = pads_of(motion_of(anatomy.kinematics, config, WIDE), config, preshape)
+def _single_jaw(proposal: Proposal, anatomy: Anatomy, common: PreshapeConfig, met: float) -> None:
+    """Two preshapes of a jaw that closes on the palm at the joint's value `met`: open as far as may be, and by half."""
+    joint, sign = next(iter(common.close.items()))
     low, high = anatomy.span(joint)
-    far = met - sign * TURNED if anatomy.moving[joint].kind != "prismatic" else pads.limits[0 if sign > 0 else 1]
-    return math.floor(1000 * pads.opening(min(max(far, low), high)) + 1e-6) / 1000
+    end = low if sign > 0 else high
+    way = abs(end - met) if anatomy.moving[joint].kind == "prismatic" else min(abs(end - met), TURNED)
+    for name, share in ((WIDE, 1.0), (NARROW, NARROWER)):
+        opened = {joint: _told_value(anatomy, joint, met - sign * share * way)}
+        proposal.config.preshapes[name] = replace(common, opening=None, open=opened)
 
 
 def _widest(proposal: Proposal, anatomy: Anatomy, preshape: PreshapeConfig) -> float:
     """m, to the millimetre below, between the pads of two fingers where the limits let them go."""
     config = replace(proposal.config, preshapes={WIDE: preshape})
-    pads = pads_of(motion_of(anatomy.kinematics, config, WIDE), config, preshape)
+    pads = pads_of(_motion(anatomy, config), config, preshape)
     widest = max(pads.opening(limit) for limit in pads.limits)
     return math.floor(1000 * widest + 1e-6) / 1000
+
+
+def _motion(anatomy: Anatomy, config: HandConfig) -> Motion:
+    shapes = {name: finger_shape(anatomy.robot, name, links) for name, links in config.fingers.items()}
+    return motion_of(anatomy.kinematics, config, WIDE, shapes)
 
 
 def _shares(anatomy: Anatomy, grouping: Grouping, wide: dict[str, float]) -> tuple[dict[str, float], list[str]]:

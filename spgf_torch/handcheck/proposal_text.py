@@ -8,12 +8,23 @@ from typing import Any
 import yaml
 
 from spgf_torch.handcheck.proposal import Proposal
-from spgf_torch.hands.config import HandConfig, PreshapeConfig
+from spgf_torch.hands.config import HandConfig
 
 HEAD = (
-    "# Proposed by python -m spgf_torch.hand from the URDF alone; look at the picture. Lines with `# ?` say what the URDF",
-    "# does not tell. Keys: docs/howto/hand.md.",
+    "# Proposed by python -m spgf_torch.hand from the URDF alone; look at the picture. Lines with `# ?` say what the",
+    "# URDF does not tell. Keys: docs/howto/hand.md.",
 )
+
+WIDTH = 120  # characters of a line
+# Keys of a preshape in their order, with what stands beside them.
+TOLD = {
+    "hold": "deg, m; joints that stand still",
+    "opening": "m between the pads",
+    "open": "deg, m",
+    "close": "direction times share of the effort",
+    "oppose": "groups that press against each other",
+    "pads": "m, in the frame of each finger's first link",
+}
 
 
 def proposal_text(proposal: Proposal) -> str:
@@ -37,29 +48,37 @@ def _lines(proposal: Proposal) -> Iterator[str]:
         yield f"  {_flow(name)}: {_flow(links)}"
     yield from _doubts(doubts, "fingers", "  ")
     yield "preshapes:"
-    for name, preshape in config.preshapes.items():
-        yield f"  {name}:"
-        yield from (f"    {line}" for line in _preshape(preshape, proposal))
+    yield from _preshapes(proposal)
     yield from _closing(config)
     yield from _doubts(doubts, "closing", "  ")
     if proposal.error:
         yield f"# ? this does not load yet: {proposal.error}"
 
 
-def _preshape(preshape: PreshapeConfig, proposal: Proposal) -> Iterator[str]:
-    if preshape.hold:
-        yield f"hold: {_flow(preshape.hold)}  # deg, m; joints that stand still"
-        yield from _doubts(proposal.doubts, "hold")
-    if preshape.opening is not None:
-        yield f"opening: {_flow(preshape.opening)}  # m between the pads"
-        yield from _doubts(proposal.doubts, "opening")
-    if preshape.open:
-        yield f"open: {_flow(preshape.open)}  # deg, m"
-    yield f"close: {_flow(preshape.close)}  # direction times share of the effort"
-    yield f"oppose: {_flow(preshape.oppose)}  # groups that press against each other"
-    yield from _doubts(proposal.doubts, "oppose")
-    if preshape.pads:
-        yield f"pads: {_flow(preshape.pads)}  # m, in the frame of each finger's first link"
+def _preshapes(proposal: Proposal) -> Iterator[str]:
+    """The first one in full; of the others what differs from it."""
+    first = ""
+    common: dict[str, Any] = {}
+    for name, preshape in proposal.config.preshapes.items():
+        values = {key: value for key in TOLD if (value := getattr(preshape, key)) not in (None, {}, [])}
+        yield f"  {_flow(name)}:" + ("" if first else " &first")
+        if first:
+            yield "    <<: *first"
+        for key, value in values.items():
+            if common.get(key) != value:
+                yield from _entry(key, value, TOLD[key], "    ")
+                yield from _doubts(proposal.doubts, key, "    ")
+        first, common = first or name, common or values
+
+
+def _entry(key: str, value: Any, words: str, indent: str) -> Iterator[str]:
+    """A key on one line where there is room, else an entry a line."""
+    line = f"{indent}{key}: {_flow(value)}  # {words}"
+    if len(line) <= WIDTH or not isinstance(value, dict):
+        yield line
+        return
+    yield f"{indent}{key}:  # {words}"
+    yield from (f"{indent}  {_flow(name)}: {_flow(part)}" for name, part in value.items())
 
 
 def _closing(config: HandConfig) -> Iterator[str]:
