@@ -16,7 +16,7 @@ from spgf_torch.hands.fingers import SPACING, finger_shape
 FAR, AHEAD = 0.6, 0.4  # of a jaw's reach from its hinge: its outer part, and what of the palm lies beside that
 FACE = 0.004  # m from the nearest point within which a jaw's surface is its face: jaws meet at their ends first
 STEPS = 40  # of a jaw's way that are looked at
-TURNED = np.radians(60)  # of a single jaw's face against the palm's: what opens by more squeezes things out
+TURNED = np.radians(45)  # of a single jaw's face against the palm's: what opens by more squeezes things out
 
 
 def palmar_pad(anatomy: Anatomy, grouping: Grouping, finger: Finger) -> list[float]:

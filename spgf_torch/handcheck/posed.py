@@ -179,19 +179,22 @@ class Posed:
     def surface(self, finger: str) -> tuple[float, np.ndarray]:
         """How far (m) a pad is off the surface of its body's shapes, and the outward normal (3,) there, base frame.
 
-        On an edge the face that looks inwards most counts. Infinite, and no direction, where the body has no shapes.
+        On an edge, and where pieces meet, the face that looks inwards most counts. Infinite, and no direction, where
+        the body has no shapes.
         """
         pad, inwards = self.preshape.pads[finger], self.inwards[finger]
-        least, normal = np.inf, np.zeros(3)
+        heights, normals = [np.full(1, np.inf)], [np.zeros((1, 3))]
         for link, planes in self.finger_shapes[finger].planes:
             if self.bodies[link] == self.bodies[self.carriers[finger]]:
                 T = self.preshape.T_base_link[link]
-                heights = planes[:, :3] @ (T[:3, :3].T @ (pad - T[:3, 3])) - planes[:, 3]
-                if heights.max() < least:
-                    least = float(heights.max())
-                    normals = planes[heights >= least - EDGE, :3] @ T[:3, :3].T
-                    normal = normals[np.argmax(normals @ inwards)]
-        return abs(least), normal
+                height = planes[:, :3] @ (T[:3, :3].T @ (pad - T[:3, 3])) - planes[:, 3]
+                top = height >= height.max() - EDGE
+                heights.append(np.full(top.sum(), height.max()))
+                normals.append(planes[top, :3] @ T[:3, :3].T)
+        all_heights, all_normals = np.concatenate(heights), np.concatenate(normals)
+        least = float(all_heights.min())
+        near = all_normals[all_heights <= least + EDGE]
+        return abs(least), near[np.argmax(near @ inwards)]
 
     def free_way(self, direction: np.ndarray) -> float:
         """m from the TCP in a direction (3,) of the TCP frame to the first shape of the open hand; infinite if none."""
