@@ -13,7 +13,7 @@ function tracesOf(content, step) {
   const parts = content.parts.map((part) => ({
     type: "mesh3d", ...placed(part.points, poses[part.link]), i: part.i, j: part.j, k: part.k,
     color: part.colour, opacity: content.opacity, flatshading: true, hoverinfo: "text", text: part.link,
-    lighting: { ambient: 0.55, diffuse: 0.7, specular: 0.05 },
+    lighting: { ambient: 0.75, diffuse: 0.6, specular: 0.05 },
   }));
   const line = (points, colour, text, width) => ({
     type: "scatter3d", mode: "lines", x: points.map((p) => p[0]), y: points.map((p) => p[1]), z: points.map((p) => p[2]),
@@ -22,14 +22,14 @@ function tracesOf(content, step) {
   const joints = content.joints[step].map(({ points, text }) => line(points, "#222222", text, 4));
   const tcp = content.tcp.map(({ points, colour, text }) => line(points, colour, text, 7));
   const pads = {
-    type: "scatter3d", mode: "markers", ...placed([], []), marker: { size: 4, color: "#000000" }, hoverinfo: "text",
+    type: "scatter3d", mode: "markers", marker: { size: 4, color: "#000000" }, hoverinfo: "text",
     text: content.pads[step].map((pad) => pad.text),
   };
   for (const [index, name] of ["x", "y", "z"].entries()) pads[name] = content.pads[step].map((pad) => pad.at[index]);
   return [...parts, ...joints, ...tcp, pads];
 }
 
-for (const view of document.querySelectorAll(".hand")) {
+function startHand(view) {
   const content = JSON.parse(view.querySelector("script").textContent);
   const plot = view.querySelector(".plot");
   const slider = view.querySelector("input[type=range]");
@@ -39,7 +39,7 @@ for (const view of document.querySelectorAll(".hand")) {
     margin: { l: 0, r: 0, t: 0, b: 0 }, uirevision: "kept", showlegend: false, paper_bgcolor: "#ffffff",
     scene: {
       xaxis: { ...side, range: content.ranges[0] }, yaxis: { ...side, range: content.ranges[1] },
-      zaxis: { ...side, range: content.ranges[2] }, aspectmode: "data", camera: { eye: content.eye, up: content.up },
+      zaxis: { ...side, range: content.ranges[2] }, aspectmode: "cube", camera: { eye: content.eye, up: content.up },
     },
   };
   const draw = () => {
@@ -50,3 +50,6 @@ for (const view of document.querySelectorAll(".hand")) {
   glass.addEventListener("change", draw);
   draw();
 }
+
+// plotly.js stands behind this script.
+addEventListener("DOMContentLoaded", () => { for (const view of document.querySelectorAll(".hand")) startHand(view); });

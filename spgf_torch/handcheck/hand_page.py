@@ -16,14 +16,16 @@ from spgf_torch.handcheck.hand_scene import AXES, joint_lines, parts, poses, tcp
 from spgf_torch.handcheck.posed import Posed
 
 STEPS = 20  # of the slider from open to closed
-EYE = (0.35, -1.9, 0.45)  # where the eye stands in the TCP frame, in plotly's unit: closing lies across
+ROOM = 1.05  # of the cube that is shown, to the hand's longest side
+EYE = (0.4, -1.55, 0.5)  # where the eye stands in the TCP frame, in plotly's unit: closing lies across
 MM = 1000.0
 
 
 def hand_page(name: str, preshapes: Sequence[Posed], findings: Sequence[Finding], lines: Sequence[str]) -> str:
     """The page of a hand, with what its checks found. `lines` of plain text stand at the head."""
-    script = files("spgf_torch.handcheck").joinpath("hand_page.js").read_text(encoding="utf-8")
-    lead = "".join(f"<p>{html.escape(line)}</p>" for line in lines)
+    folder = files("spgf_torch.handcheck")
+    styles, script = (folder.joinpath(file).read_text(encoding="utf-8") for file in ("hand_page.css", "hand_page.js"))
+    lead = f"<style>\n{styles}</style>" + "".join(f"<p>{html.escape(line)}</p>" for line in lines)
     sections = [Section(f"preshape{i}", posed.name, _view(posed)) for i, posed in enumerate(preshapes)]
     sections.append(Section("checks", "Checks", _checks(findings) + f"<script>\n{script}</script>"))
     return page(f"Hand: {name}", lead, sections)
@@ -46,7 +48,7 @@ def _view(posed: Posed) -> str:
             f"{groups}, {MM * posed.preshape.opening:.0f} mm open. Dots: pads. Black: axes of joints. At the TCP, red: "
             "closing, blue: approach."
         )
-        + '<div class="hand view"><div class="tools"><label>open '
+        + '<div class="hand"><div class="tools"><label>open '
         f'<input type="range" min="0" max="{STEPS}" value="0"> closed</label>'
         '<label><input type="checkbox"> see through</label><span class="hint">drag to turn, point to read</span></div>'
         f'<div class="plot"></div><script type="application/json">{content}</script></div>'
@@ -61,6 +63,8 @@ def _content(posed: Posed) -> dict[str, Any]:
     corners = np.concatenate(
         [p.vertices @ links[p.link][:3, :3].T + links[p.link][:3, 3] for p in shapes for links in (along[0], along[-1])]
     )
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    middle, half = (low + high) / 2, ROOM * float((high - low).max()) / 2
     tcp = [
         {"points": _mm(line), "colour": colour, "text": f"TCP: {words or 'y'}"}
         for line, (colour, words) in zip(tcp_lines(posed), AXES, strict=True)
@@ -82,7 +86,7 @@ def _content(posed: Posed) -> dict[str, Any]:
             for links in along
         ],
         "tcp": tcp,
-        "ranges": _mm(np.stack([corners.min(axis=0), corners.max(axis=0)], axis=1)),
+        "ranges": _mm(np.stack([middle - half, middle + half], axis=1)),
         "eye": dict(zip("xyz", (T[:3, :3] @ EYE).tolist(), strict=True)),
         "up": dict(zip("xyz", T[:3, 2].tolist(), strict=True)),
     }
