@@ -10,6 +10,7 @@ import numpy as np
 
 from spgf_torch.errors import InputError
 from spgf_torch.handcheck.anatomy import Anatomy, Finger, unit
+from spgf_torch.handcheck.arms import check_no_arm
 from spgf_torch.handcheck.faces import TURNED, jaw_pads, palmar_pad
 from spgf_torch.handcheck.grouping import Grouping, grouping_of
 from spgf_torch.hands.config import ClosingConfig, HandConfig, PreshapeConfig
@@ -49,8 +50,9 @@ class Proposal:
 def propose(bare: HandConfig) -> Proposal:
     """A description of the URDF that `bare` names, with its root and packages.
 
-    Raises InputError for a URDF that cannot be read, or has no joint that moves a link with a shape.
+    Raises InputError for a URDF that cannot be read, is of a whole arm, or has no joint that moves a link with a shape.
     """
+    check_no_arm(bare)
     robot = read_robot(bare)
     if not any(joint.moves for joint in robot.joints):
         raise InputError(f"{robot.path}: expected a hand with joints that move, got none")
