@@ -45,7 +45,7 @@ def test_two_jaws_that_slide(proposals: dict[str, Proposal]) -> None:
 
 
 def test_two_fingers_against_a_thumb(proposals: dict[str, Proposal]) -> None:
-    """The SDH-2 with knuckles at 0; flexion grows, fingers press half as hard, straight tips open to 0.6 of the reach."""
+    """The SDH-2 with knuckles at 0; flexion grows, fingers press half as hard, they open to 0.6 of their reach."""
     config = proposals["sdh2"].config
     wide = config.preshapes["wide"]
     assert wide.oppose == [["finger_1_tip", "finger_2_tip"], ["thumb_tip"]]
