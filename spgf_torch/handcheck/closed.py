@@ -23,7 +23,8 @@ def closed_findings(posed: Posed) -> Iterator[Finding]:
     yield _joints_close(posed)
     yield from _meets(posed)
     yield _in_time(posed)
-    if parallel := posed.preshape.closing.follow.keys() - posed.mimics:
+    follow = posed.preshape.closing.follow
+    if parallel := {name for name in follow.keys() - posed.mimics if abs(follow[name].ratio) == 1}:  # others curl
         yield _parallel(posed, [finger for finger in posed.preshape.pads if posed.behind(finger) & parallel])
     yield _force(posed)
     yield _balance(posed)

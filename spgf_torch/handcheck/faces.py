@@ -12,7 +12,7 @@ from spgf_torch.handcheck.grouping import Grouping
 from spgf_torch.hands.fingers import SKIN, distances, finger_shape
 
 STEPS = 40  # of a jaw's way that are looked at
-TURNED = np.radians(28)  # of a single jaw's face against the palm's: what `pads face` allows, less rounding
+TURNED = np.radians(60)  # of a single jaw's face against the palm's: what opens by more squeezes things out
 
 
 def palmar_pad(anatomy: Anatomy, grouping: Grouping, finger: Finger) -> list[float]:

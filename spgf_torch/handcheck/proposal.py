@@ -82,7 +82,7 @@ def _shape(proposal: Proposal, anatomy: Anatomy, grouping: Grouping) -> None:
     if len(fingers) == 1 and len(fingers[0].closers) == 1:
         common.oppose = [*groups, [PALM]]
         common.pads, met = jaw_pads(anatomy, grouping, fingers[0], PALM)
-        _jaw(proposal, common, _turned(proposal, anatomy, common, met))
+        _single_jaw(proposal, anatomy, common, met)
         return
     if len(groups) == 2 and all(len(finger.closers) == 1 for finger in fingers):
         _jaw(proposal, common, _widest(proposal, anatomy, common))
@@ -103,14 +103,15 @@ def _jaw(proposal: Proposal, common: PreshapeConfig, widest: float) -> None:
     proposal.config.preshapes = {name: replace(common, opening=value) for name, value in openings.items()}
 
 
-def _turned(proposal: Proposal, anatomy: Anatomy, preshape: PreshapeConfig, met: float) -> float:
-    """m, to the millimetre below, between the pads of a single jaw that has turned as far as its face may."""
-    joint, sign = next(iter(preshape.close.items()))
-    config = replace(proposal.config, preshapes={WIDE: preshape})
-    pads = pads_of(_motion(anatomy, config), config, preshape)
+def _single_jaw(proposal: Proposal, anatomy: Anatomy, common: PreshapeConfig, met: float) -> None:
+    """Two preshapes of a jaw that closes on the palm at the joint's value `met`: open as far as may be, and by half."""
+    joint, sign = next(iter(common.close.items()))
     low, high = anatomy.span(joint)
-    far = met - sign * TURNED if anatomy.moving[joint].kind != "prismatic" else pads.limits[0 if sign > 0 else 1]
-    return math.floor(1000 * pads.opening(min(max(far, low), high)) + 1e-6) / 1000
+    end = low if sign > 0 else high
+    way = abs(end - met) if anatomy.moving[joint].kind == "prismatic" else min(abs(end - met), TURNED)
+    for name, share in ((WIDE, 1.0), (NARROW, NARROWER)):
+        opened = {joint: _told_value(anatomy, joint, met - sign * share * way)}
+        proposal.config.preshapes[name] = replace(common, opening=None, open=opened)
 
 
 def _widest(proposal: Proposal, anatomy: Anatomy, preshape: PreshapeConfig) -> float:

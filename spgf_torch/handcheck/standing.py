@@ -83,3 +83,9 @@ def _closes(posed: Posed, closing: FreeClosing) -> Iterator[Finding]:
         ok=gap <= most,
         remedy="the fingers close in geometry and not in simulation: look at effort, stiffness, damping and time",
     )
+
+
+def _passed(posed: Posed, closing: FreeClosing) -> bool:
+    """Whether all joints have closed beyond where the fingers meet, as those that stand beside each other do."""
+    closed, phases = posed.preshape.closed, posed.preshape.closing.phases
+    return all((closing.end[name] - closed[name]) * share > 0 for phase in phases for name, share in phase.items())

@@ -114,8 +114,8 @@ def _arrays(file: Path) -> tuple[np.ndarray, np.ndarray]:
 def pieces_of(vertices: bytes, faces: bytes) -> tuple[trimesh.Trimesh, ...]:
     """Convex pieces of a mesh of float64 vertices and int64 faces, each closed, of at most MAX_HULL_VERTICES corners.
 
-    One, its hull, where no point of the surface lies deeper below it than the tolerance; else those of
-    `geometry.few_convex_pieces`.
+    One, its hull, where no point of the surface that anything could reach lies deeper below it than the tolerance;
+    else those of `geometry.few_convex_pieces`.
     """
     mesh = _merged(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, dtype=np.int64).reshape(-1, 3))
     hull = _hull(mesh.vertices)
@@ -144,10 +144,11 @@ def _merged(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
 
 
 def _depth(mesh: trimesh.Trimesh, hull: trimesh.Trimesh) -> float:
-    """How deep the surface lies below its convex hull, m."""
-    points = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)[0]
+    """How deep the surface lies below its convex hull, m, where anything gets there."""
+    points, face = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
+    points = points[open_share(mesh, points, mesh.face_normals[face]) >= CUTTING.openness]
     above = [(points - corner) @ normal for corner, normal in zip(hull.triangles[:, 0], hull.face_normals, strict=True)]
-    return float(-np.max(above, axis=0).min())
+    return float(-np.max(above, axis=0).min(initial=0.0))
 
 
 def _hull(points: np.ndarray) -> trimesh.Trimesh | None:

@@ -86,12 +86,23 @@ class Motion:
         apart = []
         for joints in path:
             links = self.kinematics.links(joints)
-            apart.append(separation(self.shape_groups, links))
-            if apart[-1] <= 0:
-                return self._touching(path[len(apart) - 2], joints) if len(apart) > 1 else joints
+            if not self.hinged:
+                apart.append(separation(self.shape_groups, links))
+                if apart[-1] <= 0:
+                    return self._touching(path[len(apart) - 2], joints) if len(apart) > 1 else joints
             if passed(links):
                 return joints
-        return path[int(np.argmin(apart))]
+        return path[-1] if self.hinged else path[int(np.argmin(apart))]
+
+    @cached_property
+    def hinged(self) -> bool:
+        """Whether a joint joins opposing groups, as a single jaw and the palm, whose shapes are then never apart."""
+        robot = self.kinematics.robot
+        body_of, side = robot.bodies(), {}
+        for index, shapes in enumerate(self.shape_groups):
+            side |= {body_of[link]: index for shape in shapes for link in shape.points}
+        pairs = [(body_of[joint.parent], body_of[joint.child]) for joint in robot.joints if joint.moves]
+        return any(a in side and b in side and side[a] != side[b] for a, b in pairs)
 
     def _touching(self, before: Mapping[str, float], after: Mapping[str, float]) -> dict[str, float]:
         """Between two joint values, the last that is free, to a thousandth of the way."""

@@ -71,10 +71,11 @@ def test_three_fingers_open_as_in_the_manual():
 
 
 def test_one_jaw_opens_as_its_lever_says():
-    """Its face is 68.6 mm from its axis and starts 24.2 deg before the upright: 68.6 sin(q - 24.2) + 28.1 mm."""
+    """A point of its face is 70.9 mm from its axis, 19.6 deg before the upright: 70.9 sin(q - 19.6) + 28.1 mm."""
     hand = shipped("so101")
-    assert apart(hand, "pinch_narrow", "moving", "fixed") == pytest.approx(0.0351, abs=2e-4)  # q = 30 deg
-    assert apart(hand, "pinch_wide", "moving", "fixed") == pytest.approx(0.0702, abs=2e-4)  # q = 62 deg
+    assert apart(hand, "pinch_narrow", "moving", "fixed") == pytest.approx(0.0348, abs=2e-4)  # q = 25 deg
+    assert apart(hand, "pinch_wide", "moving", "fixed") == pytest.approx(0.0640, abs=2e-4)  # q = 50 deg
+    assert {preshape.closed["jaw_joint"] for preshape in hand.preshapes.values()} == {0}
     assert {preshape.symmetry for preshape in hand.preshapes.values()} == {1}
 
 
