@@ -23,9 +23,9 @@ DESCRIPTIONS = BENCHMARKS.parent / "hands/descriptions"
 WIDE = BENCHMARKS / "wide_objects"
 ALL_FINGERS, PINCHES = "sdh2_fingers", "sdh2"
 # Candidates of each type on each object. More where few are free, so that an object has ten that hold.
-JAWS = dict.fromkeys(("panda", "robotiq_2f", "so101"), 300)
-RATES = {PINCHES: 100, ALL_FINGERS: 100, **JAWS, "robotiq_3f": 100}
-PUBLIC = {"robotiq_3f": 60, "barrett": 60, "allegro": 60, "sdh_ipa": 60}
+JAWS = dict.fromkeys(("panda", "robotiq_2f", "so101"), 100)
+RATES = {PINCHES: 40, ALL_FINGERS: 40, **JAWS, "robotiq_3f": 40}
+PUBLIC = {"robotiq_3f": 40, "barrett": 40, "allegro": 40, "sdh_ipa": 40}
 LEARN = {"panda": 50, "robotiq_2f": 50, "so101": 50, "robotiq_3f": 25, ALL_FINGERS: 10}
 
 
@@ -108,7 +108,7 @@ def main() -> None:
     elif part == "learn":
         learn(asked or LEARN)
     else:
-        public = {str(path): PUBLIC.get(path.stem, 300) for path in sorted(DESCRIPTIONS.glob("*.yaml"))}
+        public = {str(path): PUBLIC.get(path.stem, 100) for path in sorted(DESCRIPTIONS.glob("*.yaml"))}
         rates(asked or {**RATES, **public})
 
 
