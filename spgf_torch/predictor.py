@@ -19,7 +19,7 @@ import numpy as np
 import torch
 
 from spgf_torch.affordance.model import GraspModel, check_device, load_model, model_settings
-from spgf_torch.affordance.sensed_collision import hand_volume
+from spgf_torch.affordance.sensed_collision import hand_volumes
 from spgf_torch.errors import InputError
 from spgf_torch.files.given_paths import model_and_judge
 from spgf_torch.hands.config import HandConfig
@@ -31,7 +31,8 @@ from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.judge import Judge, load_judge
 from spgf_torch.proposing.judge_features import Seen
 from spgf_torch.proposing.judge_proposer import JudgedProposer
-from spgf_torch.proposing.propose import Proposals, Proposer
+from spgf_torch.proposing.proposals import Proposals
+from spgf_torch.proposing.propose import Proposer
 from spgf_torch.prototypes.naming import prototype_names
 from spgf_torch.scene.arrays import cloud_of_arrays
 from spgf_torch.scene.assembly import texlets_of
@@ -89,8 +90,8 @@ class Predictor:
         its_judge = None if ranks is None else load_judge(ranks)
         model = None if votes is None else load_model(votes, device)
         hand = (model or its_judge).settings["hand"]  # type: ignore[union-attr]
-        grippers = grippers_of(load_hand(typed(HandConfig, hand)))
-        volumes = {grasp_type: hand_volume(gripper.shapes) for grasp_type, gripper in grippers.items()}
+        loaded = load_hand(typed(HandConfig, hand))
+        grippers, volumes = grippers_of(loaded), hand_volumes(loaded)
         if model is None:
             judged = JudgedProposer.alone(its_judge, volumes, config)  # type: ignore[arg-type]
             return Predictor(None, sensing, grippers, None, retreat, judged)
@@ -188,10 +189,10 @@ class Predictor:
     def grasps(self, proposals: Proposals, top: int) -> list[Grasp]:
         """The best of the proposals, with everything that a robot needs."""
         kept = sorted({i for indices in proposals.best(top).values() for i in indices.tolist()})
-        grasp_types, found = list(self.grippers), []
+        found = []
         for i in kept:
             grasp = make_grasp(
-                self.grippers[grasp_types[int(proposals.grasp_type[i])]],
+                self.grippers[proposals.grasp_types[int(proposals.grasp_type[i])]],
                 proposals.T_object_tcp[i].cpu().numpy(),
                 float(proposals.probability[i]),
                 int(proposals.support[i]),

@@ -53,7 +53,8 @@ def upright_grasp(poses: np.ndarray) -> np.ndarray:
 def hand_shapes(opening: float, T_world_tcp: np.ndarray) -> trimesh.Trimesh:
     """The SDH-2's collision shapes with its pads `opening` (m) apart, world frame."""
     config = settings(HandConfig)
-    config.openings = dict.fromkeys(config.openings, opening)
+    for preshape in config.preshapes.values():
+        preshape.opening = opening
     shapes = load_hand(config).preshapes[TYPE].shapes
     return trimesh.util.concatenate([shape.copy().apply_transform(T_world_tcp) for shape in shapes])
 

@@ -5,7 +5,7 @@ A sensed point inside the open hand's volume is a sure sign; no such point prove
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -14,6 +14,7 @@ import torch
 import trimesh
 from torch import Tensor
 
+from spgf_torch.hands.hand import Hand
 from spgf_torch.ops.points_in_volume import points_in_volume
 
 
@@ -24,15 +25,39 @@ class HandVolume:
     Attributes:
         planes: of each piece (F, 4) f32; p is inside where planes[:, :3] @ p <= planes[:, 3] for all of them.
         low (3,), high (3,) f32: bounding box of all pieces, m.
+        groups: the pieces of each group of fingers that oppose one another, by index; () where that is not known.
+        symmetry: turns about the approach that make the same grasp: 2 of two jaws, 1 where there is no other.
     """
 
     planes: tuple[Tensor, ...]
     low: Tensor
     high: Tensor
+    groups: tuple[tuple[int, ...], ...] = ()
+    symmetry: int = 2
 
 
-def hand_volume(shapes: Sequence[trimesh.Trimesh]) -> HandVolume:
-    """The volume of convex meshes in the TCP frame, m."""
+def hand_volumes(hand: Hand) -> dict[str, HandVolume]:
+    """Grasp type -> the volume of the hand in its preshape, in the TCP frame."""
+    body_of, volumes = hand.robot.bodies(), {}
+    for name, preshape in hand.preshapes.items():
+        bodies = [body_of[link] for link in preshape.shape_links]
+        groups = [{body_of[link] for link in group} for group in preshape.groups]
+        volumes[name] = hand_volume(preshape.shapes, bodies, groups, preshape.symmetry)
+    return volumes
+
+
+def hand_volume(
+    shapes: Sequence[trimesh.Trimesh],
+    links: Sequence[str] = (),
+    groups: Sequence[Collection[str]] = (),
+    symmetry: int = 2,
+) -> HandVolume:
+    """The volume of convex meshes in the TCP frame, m.
+
+    Args:
+        links: whose shape each is. groups: the links of each opposing group of fingers; () where they are not known.
+        symmetry: turns about the approach that make the same grasp.
+    """
     planes = []
     for mesh in shapes:
         offset = (mesh.face_normals * mesh.triangles[:, 0]).sum(axis=1, keepdims=True)
@@ -42,6 +67,8 @@ def hand_volume(shapes: Sequence[trimesh.Trimesh]) -> HandVolume:
         tuple(torch.from_numpy(p).float() for p in planes),
         torch.from_numpy(bounds[:, 0].min(axis=0)).float(),
         torch.from_numpy(bounds[:, 1].max(axis=0)).float(),
+        tuple(tuple(index for index, link in enumerate(links) if link in group) for group in groups),
+        symmetry,
     )
 
 

@@ -1,4 +1,4 @@
-"""The scene printed, a panel a grasp type: parallel projection, far pieces first."""
+"""The scene printed, a panel a grasp type, three in a row: parallel projection, far pieces first."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from matplotlib.figure import Figure
 from spgf_torch.drawing.grasp_scene import CORNERS, Scene, pieces
 from spgf_torch.drawing.style import LETTERS, SUCCESS_SCALE, scale
 
-PANEL = (5.2, 5.8)  # inches
+PANEL = (5.2, 5.104)  # inches; with its title
+FOOT, TITLE = 0.696, 0.406  # inches; height of the colour bar below the panels, and of a panel's title
+COLUMNS = 3
 POINTS = 72  # an inch
 STEP = 0.003  # m; longest piece of a line that is sorted by depth
 LINE = 2.8  # points
@@ -29,14 +31,16 @@ def scene_picture(scene: Scene) -> Figure:
     """The cloud with the best open hands of each type as outlines, red (probability 0) to green (1), with ranks."""
     grasp_types = sorted({grasp.type for grasp in scene.grasps}) or [""]
     with mpl.rc_context(LETTERS):
-        figure = Figure(figsize=(PANEL[0] * len(grasp_types), PANEL[1]))
-        first: Axes | None = None  # both panels at one scale
+        columns, rows = min(COLUMNS, len(grasp_types)), -(-len(grasp_types) // COLUMNS)
+        width, height = PANEL[0] * columns, PANEL[1] * rows + FOOT
+        figure = Figure(figsize=(width, height))
+        first: Axes | None = None  # all panels at one scale
         drawn: dict[Axes, list[int]] = {}
         for place, grasp_type in enumerate(grasp_types):
             of_type = [i for i, grasp in enumerate(scene.grasps) if grasp.type == grasp_type]
-            axis = figure.add_axes(
-                (place / len(grasp_types), 0.12, 1 / len(grasp_types), 0.81), sharex=first, sharey=first
-            )
+            bottom = FOOT + PANEL[1] * (rows - 1 - place // columns)
+            room = (place % columns / columns, bottom / height, 1 / columns, (PANEL[1] - TITLE) / height)
+            axis = figure.add_axes(room, sharex=first, sharey=first)
             first = axis
             _panel(axis, scene, of_type[:DRAWN])
             shown = f"the best {min(DRAWN, len(of_type))} of {len(of_type)}, by rank"
@@ -44,7 +48,7 @@ def scene_picture(scene: Scene) -> Figure:
             drawn[axis] = of_type[:DRAWN]
         for axis, indices in drawn.items():  # once the scale that they share is known
             _ranks(axis, scene, indices)
-        bar_axis = figure.add_axes((0.35, 0.085, 0.3, 0.018))
+        bar_axis = figure.add_axes((0.35, 0.493 / height, 0.3, 0.104 / height))
         shades = ScalarMappable(Normalize(0, 100), scale(SUCCESS_SCALE))
         bar = figure.colorbar(shades, cax=bar_axis, orientation="horizontal")
         bar.set_label("probability of success (%)")

@@ -42,7 +42,6 @@ def model_card(results: Mapping[str, Any], config: TrainConfig, objects: int, tr
         objects, trials: how many it was learned from.
         size: bytes of `model.safetensors`.
     """
-    papers = paper.is_papers_hand(config.hand)
     affordance, sensing, described = config.affordance, config.sensing, DESCRIPTORS[config.features.descriptor]
     return f"""\
 # Grasp model, {config.hand.name}, K = {config.K}
@@ -66,13 +65,13 @@ shape-grasp particles within {1000 * affordance.reach:g} mm, neighbourhoods of {
 the intervals. CG: all grasp types in one ranking. The model in this folder learned from all objects; these rates are of
 its siblings in the folds.
 
-Ranked as in the paper.{f" {paper.OTHER_DATA}" if papers else ""}
+Ranked as in the paper.{_other_data(config)}
 
-{_rates(results, "paper", papers)}
+{_rates(results, "paper", config)}
 
 {KNOWS_MORE} Chosen was {chosen_words(results["chosen"])}.
 
-{_rates(results, NESTED, papers)}
+{_rates(results, NESTED, config)}
 
 Probabilities of success on the candidates of novel objects, beside those of a predictor that knows how often candidates
 with and without a sensed collision succeed, and nothing else:
@@ -97,11 +96,16 @@ def _dictionary(results: Mapping[str, Any]) -> str:
     return f"Its prototypes are those of a model of {about['hand']} (`{about['sha256'][:16]}`);\n{known}.\n\n"
 
 
-def _rates(results: Mapping[str, Any], ranking: str, papers: bool) -> str:
+def _other_data(config: TrainConfig) -> str:
+    """What is to be said where the paper's rates stand beside ours."""
+    return f" {paper.OTHER_DATA}" if paper.is_papers_hand(config.hand) else ""
+
+
+def _rates(results: Mapping[str, Any], ranking: str, config: TrainConfig) -> str:
     """A Markdown table: a row a class; rates by a ranking with intervals, of its hand the paper's CG, and chance."""
     rates, intervals = results["by_ranking"][ranking], results["interval95_by_ranking"][ranking]
     printed, single = paper.SUCCESS_RATE.get(results["K"], {}), results["grasp_types"]
-    types = (*single, ALL)
+    papers, types = paper.is_papers_hand(config.hand), (*single, ALL)
     head = ["class", *types, *(["CG, the paper"] if papers else []), *(f"random {name}" for name in single)]
     rows = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
     for name in (name for name in (*CLASSES, "all") if name in rates):

@@ -41,7 +41,7 @@ def results_table(results: Mapping[str, Any], rankings: Sequence[str] | None = N
     rankings = rankings or ((NESTED, JUDGE) if JUDGE in results["by_ranking"] else ("paper", NESTED))
     classwise = bool(results.get("classwise"))
     printed = paper.CLASSWISE if classwise else paper.SUCCESS_RATE.get(K, {})
-    papers, types = _papers(results), (*results["grasp_types"], ALL)
+    papers = _papers(results)
     table = Table(
         title=f"Success-rate (%) of the {results['N']} highest-ranked grasps on novel objects, K = {K}"
         + (", each class by itself" if classwise else ""),
@@ -56,30 +56,34 @@ def results_table(results: Mapping[str, Any], rankings: Sequence[str] | None = N
     )
     table.add_column("", no_wrap=True)
     named = {"paper": "paper's\nranking", NESTED: "our rank-\ning, nested"}
-    headings = {"[*]\n2015" if classwise else "the\npaper": papers}
-    headings |= {named.get(r, f"ours\n{r}"): True for r in rankings}
-    headings |= {"random\npaper": papers, "random\nours": True, "random\nfree": True, "ceil-\ning": True}
-    for heading in (heading for heading, shown in headings.items() if shown):
+    ours = [named.get(r, f"ours\n{r}") for r in rankings]
+    theirs = ["[*]\n2015" if classwise else "the\npaper"], ["random\npaper"]
+    beside = theirs if papers else ([], [])
+    for heading in [*beside[0], *ours, *beside[1], "random\nours", "random\nfree", "ceil-\ning"]:
         table.add_column(heading, justify="right", no_wrap=True)
     for name in (name for name in (*CLASSES, "all") if name in results["by_ranking"][rankings[0]]):
-        for grasp_type in types:
-            ours = [
-                f"{_percent(results['by_ranking'][ranking], name, grasp_type)} "
-                f"{_interval(results['interval95_by_ranking'][ranking], name, grasp_type)}"
-                for ranking in rankings
-            ]
-            table.add_row(
-                f"{SHORT.get(name, name)} {grasp_type}",
-                *([_percent(printed, name, grasp_type, scale=1)] if papers else []),
-                *ours,
-                *([_percent(paper.RANDOM, name, grasp_type, scale=1)] if papers else []),
-                *(
-                    _percent(results[block], name, grasp_type)
-                    for block in ("random", "random_collision_free", "ceiling")
-                ),
-                end_section=grasp_type == ALL,
-            )
+        for grasp_type in (*results["grasp_types"], ALL):
+            label = f"{SHORT.get(name, name)} {grasp_type}"
+            cells = _cells(results, rankings, printed if papers else None, name, grasp_type)
+            table.add_row(label, *cells, end_section=grasp_type == ALL)
     return table
+
+
+def _cells(
+    results: Mapping[str, Any], rankings: Sequence[str], printed: Block | None, name: str, grasp_type: str
+) -> list[str]:
+    """A row of `results_table`, of a class and type; `printed`: the paper's rates, None where they are left out."""
+    ours = [
+        f"{_percent(results['by_ranking'][ranking], name, grasp_type)} "
+        f"{_interval(results['interval95_by_ranking'][ranking], name, grasp_type)}"
+        for ranking in rankings
+    ]
+    blocks = [results[block] for block in ("random", "random_collision_free", "ceiling")]
+    chance = [_percent(block, name, grasp_type) for block in blocks]
+    if printed is None:
+        return [*ours, *chance]
+    rate, random = (_percent(block, name, grasp_type, scale=1) for block in (printed, paper.RANDOM))
+    return [rate, *ours, random, *chance]
 
 
 def chosen_line(results: Mapping[str, Any]) -> str:
@@ -143,7 +147,7 @@ def hopeless_types(tables: Sequence[TrialTable], hand: str) -> list[str]:
         if not counts[SUCCESS]:
             lines.append(
                 f"NO SUCCESS with the grasp type {name}: of {counts.sum():,} trials none held its object, in "
-                f"{counts[COLLISION]:,} the open hand cut it; check the hand: {CHECK} hand={hand}"
+                f"{counts[COLLISION]:,} the open hand cut it; check {hand}, given as here: {CHECK} hand=..."
             )
     return lines
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from spgf_torch.affordance.sensed_collision import HandVolume, hand_volume
+from spgf_torch.affordance.sensed_collision import HandVolume, hand_volumes
 from spgf_torch.cache import fingerprint
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.describe import Grasps
@@ -45,7 +45,7 @@ def dataset_digest(objects: Sequence[GraspObject], tables: Sequence[TrialTable])
 
 def open_hand(config: HandConfig) -> dict[str, HandVolume]:
     """Grasp type -> the volume of the hand in its preshape, in the TCP frame."""
-    return {name: hand_volume(preshape.shapes) for name, preshape in load_hand(config).preshapes.items()}
+    return hand_volumes(load_hand(config))
 
 
 def _made_with(path: Path) -> tuple[int, int]:

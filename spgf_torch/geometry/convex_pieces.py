@@ -158,15 +158,17 @@ def few_convex_pieces(mesh: trimesh.Trimesh, config: FewPieces) -> tuple[np.ndar
     The mesh need not be closed, but its faces have an outer side.
     """
     surface = _Surface(mesh, config, config.openness, config.slack)
-    steps = 1 + int(np.log(config.coarsest / config.tolerance) / np.log(FINER))
+    least, last = 0, int(np.log(config.coarsest / config.tolerance) / np.log(FINER))
     found: list[_Piece] = []
-    for step in reversed(range(steps)):  # a fine one takes ten times as long as a coarse one, and is tried only once
+    while least <= last:
+        step = (least + last) // 2
         surface.keep_free(config.tolerance * FINER**step)
         pieces = _joined(surface, _halved(surface))
-        if found and len(pieces) > config.most:
-            break
-        found = pieces
-    return tuple(piece.corners for piece in found)
+        if len(pieces) <= config.most:
+            found, last = pieces, step - 1
+        else:
+            least = step + 1
+    return tuple(piece.corners for piece in found or pieces)
 
 
 def _halved(surface: _Surface) -> list[_Piece]:

@@ -13,7 +13,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.extras import needed
 from spgf_torch.files.mesh_files import mesh_arrays
 from spgf_torch.files.reading import unreadable, xml_root
-from spgf_torch.geometry.convex_pieces import MAX_HULL_VERTICES, FewPieces, few_convex_pieces, open_share
+from spgf_torch.geometry.convex_pieces import MAX_HULL_VERTICES, FewPieces, convex_hull, few_convex_pieces, open_share
 from spgf_torch.hands.robot import Collision
 from spgf_torch.hands.urdf_files import mesh_file
 from spgf_torch.hands.urdf_numbers import XML, number, numbers, pose
@@ -82,8 +82,10 @@ def _mesh_pieces(path: Path, where: str, shape: XML, packages: dict[str, str]) -
     vertices, faces = _arrays(file)
     vertices, faces = vertices * scale, faces[:, ::-1] if scale.prod() < 0.0 else faces
     used = vertices[faces.ravel()]
-    if not len(faces) or not np.isfinite(used).all():
-        raise InputError(f"{file}: expected a mesh with faces and finite vertices, got another")
+    if not len(faces):
+        raise InputError(f"{file}: expected a mesh with faces, got none")
+    if not np.isfinite(used).all():
+        raise InputError(f"{file}: expected finite vertices, got NaN or infinity")
     if (extent := float(np.ptp(used, axis=0).max())) > LARGEST:
         hint = '; scale="0.001 0.001 0.001" if it is in millimetres'
         raise InputError(f"{path}: {where}: expected a mesh of at most {LARGEST:g} m, {file} has {extent:.3g} m{hint}")
@@ -112,41 +114,50 @@ def _arrays(file: Path) -> tuple[np.ndarray, np.ndarray]:
 def pieces_of(vertices: bytes, faces: bytes) -> tuple[trimesh.Trimesh, ...]:
     """Convex pieces of a mesh of float64 vertices and int64 faces, each closed, of at most MAX_HULL_VERTICES corners.
 
-    One, its hull, where no point of the surface lies deeper below it than the tolerance; else those of
-    `geometry.few_convex_pieces`.
+    One, its hull, where no point of the surface that anything could reach lies deeper below it than the tolerance;
+    else those of `geometry.few_convex_pieces`.
     """
     mesh = _merged(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, dtype=np.int64).reshape(-1, 3))
-    hull = _few_corners(mesh.vertices)
-    if _depth(mesh, hull) <= CUTTING.tolerance:
+    hull = _hull(mesh.vertices)
+    if hull is not None and _depth(mesh, hull) <= CUTTING.tolerance:
         return (hull,)
     pieces = few_convex_pieces(mesh, CUTTING)
     return tuple(trimesh.Trimesh(piece).convex_hull for piece in pieces)
 
 
 def _merged(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
-    """One vertex a place; of a surface that is not closed, or inside out, faces that look to their more open side."""
+    """One vertex a place; each part of a surface that is not closed, or inside out, turned to its more open side."""
     mesh = trimesh.Trimesh(vertices, faces, process=True)
     a, b, c = mesh.faces.T
     mesh.update_faces((a != b) & (b != c) & (c != a))
     mesh.remove_unreferenced_vertices()
     if mesh.is_volume:  # closed, turning the same way round, outwards
         return mesh
-    front = open_share(mesh, mesh.triangles_center, mesh.face_normals)
-    turned = open_share(mesh, mesh.triangles_center, -mesh.face_normals) > front
-    return trimesh.Trimesh(mesh.vertices, np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces), process=False)
+    trimesh.repair.fix_winding(mesh)
+    sides = [open_share(mesh, mesh.triangles_center, sign * mesh.face_normals) for sign in (1, -1)]
+    behind = (sides[1] - sides[0]) * mesh.area_faces
+    turned = mesh.faces.copy()
+    for part in trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(turned))):
+        if behind[part].sum() > 0.0:
+            turned[part] = turned[part][:, ::-1]
+    return trimesh.Trimesh(mesh.vertices, turned, process=False)
 
 
 def _depth(mesh: trimesh.Trimesh, hull: trimesh.Trimesh) -> float:
-    """How deep the surface lies below its convex hull, m."""
-    points = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)[0]
+    """How deep the surface lies below its convex hull, m, where anything gets there."""
+    points, face = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
+    points = points[open_share(mesh, points, mesh.face_normals[face]) >= CUTTING.openness]
     above = [(points - corner) @ normal for corner, normal in zip(hull.triangles[:, 0], hull.face_normals, strict=True)]
-    return float(-np.max(above, axis=0).min())
+    return float(-np.max(above, axis=0).min(initial=0.0))
 
 
-def _few_corners(points: np.ndarray) -> trimesh.Trimesh:
-    """The hull of `points` without those corners that stand out least, where PhysX could not take it."""
+def _hull(points: np.ndarray) -> trimesh.Trimesh | None:
+    """The hull of `points`, of as few corners as PhysX takes: those that stand out least are left out.
+
+    None where corners would be left out that stand out by more than the tolerance.
+    """
     corners, slack = points[ConvexHull(points).vertices], 1e-5
-    while len(corners) > MAX_HULL_VERTICES:
-        corners = points[ConvexHull(points, qhull_options=f"Qt W{slack:.9g}").vertices]
+    while len(corners) > MAX_HULL_VERTICES and slack <= CUTTING.tolerance:
+        corners = points[convex_hull(points, slack).vertices]
         slack *= 1.5
-    return trimesh.Trimesh(corners).convex_hull
+    return trimesh.Trimesh(corners).convex_hull if len(corners) <= MAX_HULL_VERTICES else None

@@ -7,8 +7,6 @@ from typing import Any
 
 from spgf_torch.settings import bounded, choice, text
 
-GRASP_TYPES = ("NPG", "WPG")  # of the paper's hand; rooms that still count on them
-
 
 @dataclass
 class JointConfig:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from spgf_torch.hands.robot import Robot
 from spgf_torch.hands.urdf import read_robot
 from spgf_torch.settings import plain, typed
 
+ALL_TYPES = "CG"  # all types of a hand together, as the paper calls it
 PAD = 0.01  # m, half a fingertip's width: what of a finger is level with the TCP
 
 __all__ = ["Hand", "closing_poses", "load_hand"]
@@ -77,6 +79,9 @@ _HANDS: dict[tuple[str, str, str], Hand] = {}
 def _hand(robot: Robot, config: HandConfig) -> Hand:
     if not config.preshapes:
         raise InputError("hand.preshapes: expected one or more, got none")
+    for name in config.preshapes:  # columns, files and partitions of shards are called so
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}", name) or name == ALL_TYPES:
+            raise InputError(f"hand.preshapes: expected names of letters, digits, _ and -, not CG; got {name!r:.60}")
     config = _with_known_names(robot, config)
     kinematics = Kinematics(robot)
     approach = np.asarray(config.approach, dtype=np.float64)
@@ -141,7 +146,10 @@ def _preshape(opened: _Opened, config: HandConfig, closing: ClosingConfig, appro
         closed=opened.closed,
         T_base_tcp=T_base_tcp,
         T_base_link=links,
-        shapes=tuple(c.mesh.copy().apply_transform(T_tcp_base @ links[c.link] @ c.T_link_shape) for c in collisions),
+        shapes=tuple(  # with the normals that they were made with: new ones differ in the last digits
+            c.mesh.copy(include_cache=True).apply_transform(T_tcp_base @ links[c.link] @ c.T_link_shape)
+            for c in collisions
+        ),
         shape_links=tuple(c.link for c in collisions),
         drives=drives_of(config, motion, closing),
         held=frozenset(motion.held),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from copy import deepcopy
 from difflib import get_close_matches
 from pathlib import Path
@@ -17,7 +17,7 @@ from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.inertia import mended_inertial
 from spgf_torch.hands.robot import Collision, Joint, Robot
 from spgf_torch.hands.urdf_files import WHAT, urdf_root
-from spgf_torch.hands.urdf_joints import check_mimics, check_tree, joint_element, read_joint
+from spgf_torch.hands.urdf_joints import Edge, check_mimics, check_tree, joint_element, read_edge, read_joint
 from spgf_torch.hands.urdf_numbers import XML
 
 NANOMETRES = 1e9
@@ -30,12 +30,12 @@ def read_robot(config: HandConfig) -> Robot:
     """
     path, xml = urdf_root(config)
     links, elements = _named(path, xml, "link"), _named(path, xml, "joint")
-    joints = [read_joint(path, element) for element in elements.values()]
-    check_tree(path, joints, links)
-    root = _root(path, config.root, links, joints)
-    below = _below(root, joints)
+    edges = [read_edge(path, element) for element in elements.values()]
+    check_tree(path, edges, links)
+    root = _root(path, config.root, links, edges)
+    below = _below(root, edges)
     links = {name: link for name, link in links.items() if name in below}
-    joints = [joint for joint in joints if joint.parent in below]
+    joints = [read_joint(path, elements[edge.name]) for edge in edges if edge.parent in below]
     check_mimics(path, joints)
     passive = _passive(path, config, root, joints)
     collisions = [piece for link in links.values() for piece in link_collisions(path, link, config.packages)]
@@ -78,7 +78,7 @@ def _named(path: Path, xml: XML, tag: str) -> dict[str, XML]:
     return found
 
 
-def _root(path: Path, wanted: str | None, links: dict[str, XML], joints: list[Joint]) -> str:
+def _root(path: Path, wanted: str | None, links: dict[str, XML], joints: list[Edge]) -> str:
     """The link that the hand begins with: the one wanted, or the URDF's root past links that hold nothing."""
     held = {joint.child for joint in joints}
     roots = [name for name in links if name not in held]
@@ -97,7 +97,7 @@ def _root(path: Path, wanted: str | None, links: dict[str, XML], joints: list[Jo
     return root
 
 
-def _below(root: str, joints: list[Joint]) -> set[str]:
+def _below(root: str, joints: Sequence[Edge | Joint]) -> set[str]:
     """A link and what hangs from it."""
     found, level = {root}, {root}
     while level:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from copy import deepcopy
 from pathlib import Path
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -16,6 +17,20 @@ from spgf_torch.hands.urdf_numbers import XML, number, numbers, pose
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 ZERO = 1e-6  # an axis that is shorter says no direction
 UNIT = 1e-6  # an axis whose length differs by less stays the text that it is
+
+
+class Edge(NamedTuple):
+    """What any joint of the file does to the tree of links."""
+
+    name: str
+    parent: str
+    child: str
+    moves: bool
+
+
+def read_edge(path: Path, element: XML) -> Edge:
+    name, kind = element.get("name", ""), element.get("type", "")
+    return Edge(name, _link_of(path, element, "parent"), _link_of(path, element, "child"), kind != "fixed")
 
 
 def read_joint(path: Path, element: XML) -> Joint:
@@ -41,7 +56,7 @@ def read_joint(path: Path, element: XML) -> Joint:
     )
 
 
-def check_tree(path: Path, joints: list[Joint], links: dict[str, XML]) -> None:
+def check_tree(path: Path, joints: list[Edge], links: dict[str, XML]) -> None:
     """InputError for joints of links that are not there, and links that two joints hold."""
     held: dict[str, str] = {}
     for joint in joints:

@@ -44,17 +44,18 @@ def fits(obj: GraspObject, hand: Hand, search: Search, config: JudgeConfig) -> d
     grasps = Hypotheses(torch.cat([its.T for its in found]), torch.cat([its.grasp_type for its in found]))
     table = Plane.of((0.0, 0.0, 1.0), float(obj.mesh.bounds[0, 2]))
     above = search.clearance.free_of_plane(table, grasps.T, grasps.grasp_type)
-    return {False: distinct(grasps.T, config) >= config.best, True: distinct(grasps.T[above], config) >= config.best}
+    return {
+        False: distinct(grasps, search, config) >= config.best,
+        True: distinct(grasps.at(above), search, config) >= config.best,
+    }
 
 
-def distinct(T: Tensor, config: JudgeConfig) -> int:
-    """How many of the poses (G, 4, 4) are no two the same grasp."""
-    same = torch.zeros(len(T), dtype=torch.int64)
-    return (
-        len(non_maximum_suppression(T, same, same.float(), config.proposing.apart, config.proposing.apart_deg))
-        if len(T)
-        else 0
-    )
+def distinct(grasps: Hypotheses, search: Search, config: JudgeConfig) -> int:
+    """How many of the grasps are no two the same."""
+    same = torch.zeros_like(grasps.grasp_type)
+    limits = config.proposing.apart, config.proposing.apart_deg
+    symmetry = search.clearance.symmetry(grasps.grasp_type)
+    return len(non_maximum_suppression(grasps.T, same, same.float(), *limits, symmetry)) if len(grasps) else 0
 
 
 def opposite_places(obj: GraspObject, friction: float) -> tuple[Tensor, Tensor]:

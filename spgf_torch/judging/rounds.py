@@ -74,7 +74,7 @@ def own_round(
     """
     drafts = []
     for bench in benches:
-        chosen = choose(bench, judges[int(fold[bench.index])], number, shop.config)
+        chosen = choose(bench, judges[int(fold[bench.index])], number, shop.config, shop.search)
         provenance = OwnProvenance.of(bench.obj, shop.trials, shop.config)
         drafts.append(OwnTrials.of(provenance, chosen, number, shop.trials.grasp_types))
     outcomes = _tried([bench.obj for bench in benches], [draft.chosen.poses for draft in drafts], shop)
@@ -87,16 +87,16 @@ def own_rows(benches: Sequence[Bench], own: Sequence[OwnTrials], number: int, sh
     return _rows(benches, [each.chosen for each in its], [each.outcome for each in its], number, shop)
 
 
-def choose(bench: Bench, judge: Judge, number: int, config: JudgeConfig) -> Chosen:
+def choose(bench: Bench, judge: Judge, number: int, config: JudgeConfig, search: Search) -> Chosen:
     """In each cloud of an object the `best` hypotheses that are no two the same grasp, then `random` of the others."""
     rng = torch.Generator().manual_seed(zlib.crc32(f"{config.seed}/{number}/{bench.obj.name}".encode()))
     T, grasp_type, cloud, rank, probability = [], [], [], [], []
     for index, (hypotheses, numbers) in enumerate(zip(bench.hypotheses, bench.numbers, strict=True)):
         p = judge.probability(numbers, images=True)
         alike = torch.zeros(len(p), dtype=torch.int64)
-        best = non_maximum_suppression(hypotheses.T, alike, p, config.proposing.apart, config.proposing.apart_deg)[
-            : config.best
-        ]
+        limits = config.proposing.apart, config.proposing.apart_deg
+        symmetry = search.clearance.symmetry(hypotheses.grasp_type)
+        best = non_maximum_suppression(hypotheses.T, alike, p, *limits, symmetry)[: config.best]
         others = torch.randperm(len(p), generator=rng)
         others = others[~torch.isin(others, best)][: config.random if number <= config.rounds else 0]
         both = torch.cat([best, others])

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 if TYPE_CHECKING:
-    from spgf_torch.proposing.hand_geometry import ClosingRegion
+    from spgf_torch.proposing.closing_region import ClosingRegion
 
 # m behind the TCP as far as fingers reach, and about it as far across as something counts as between the pads.
 FINGERS, _ACROSS = 0.05, 0.015
@@ -62,7 +62,7 @@ def clear_of_borders(
     """(G,) bool: grasps (G, 4, 4) of types (G,) whose TCP and fingers are away from borders.
 
     Args:
-        regions: what the pads of each grasp type sweep.
+        regions: what the fingers of each grasp type sweep.
     """
     if borders is None or not len(grasp_type):
         return torch.ones(len(grasp_type), dtype=torch.bool, device=grasp_type.device)
@@ -74,7 +74,7 @@ def clear_of_borders(
             T = T_object_tcp[part].float()
             back = T[:, :3, :3].mT
             x, y, z = (back @ points.T - back @ T[:, :3, 3:]).unbind(1)
-            between = (x.abs() < region.half) & (y.abs() < across) & (z > -FINGERS) & (z < high)
+            between = ((x - region.middle).abs() < region.half) & (y.abs() < across) & (z > -FINGERS) & (z < high)
             ahead = (T[:, :3, 2] @ beyond.T > _AHEAD) & (z > region.low)
             clear[part] = ~(between & ~ahead).any(1)
     return clear

@@ -8,15 +8,14 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from scipy.optimize import linprog
-from scipy.spatial import ConvexHull, HalfspaceIntersection
+from scipy.spatial import ConvexHull
 from torch import Tensor
 
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
 from spgf_torch.errors import InputError
 from spgf_torch.geometry import se3
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.proposing.borders import Borders
+from spgf_torch.proposing.closing_region import ClosingRegion, closing_region, corners_of
 
 
 @dataclass(frozen=True)
@@ -92,13 +91,30 @@ class Clearance:
     Attributes:
         volumes: grasp type -> volume of the open hand in the TCP frame.
         plane_clearance: m, from a table. obstacle_clearance: m, from obstacles.
-        between: m about the TCP, across closing and approach, as far as a point counts as between the pads.
+        between: m about the TCP, across closing and approach, as far as a point counts as between the fingers at least;
+            across closing, fingers that are broader count as far as they reach. Those of the SDH-2's pinches (12 mm to
+            either side) and of the Panda (9 mm) are not, so for both hands it is the number of conf/proposing.
     """
 
     volumes: Mapping[str, HandVolume]
     plane_clearance: float
     between: float
     obstacle_clearance: float = 0.0
+
+    @cached_property
+    def grasp_types(self) -> tuple[str, ...]:
+        """Names of the grasp types, sorted: the codes of types count in this order, whatever that of the volumes."""
+        return tuple(sorted(self.volumes))
+
+    @cached_property
+    def regions(self) -> tuple[ClosingRegion, ...]:
+        """What the fingers of each grasp type sweep."""
+        return tuple(closing_region(self.volumes[name]) for name in self.grasp_types)
+
+    def symmetry(self, grasp_type: Tensor) -> Tensor:
+        """(G,) int64: turns about the approach that make the same grasp, of grasps of types (G,)."""
+        turns = [self.volumes[name].symmetry for name in self.grasp_types]
+        return torch.tensor(turns, device=grasp_type.device)[grasp_type]
 
     @cached_property
     def reach(self) -> float:
@@ -117,18 +133,18 @@ class Clearance:
 
     @cached_property
     def gaps(self) -> dict[str, HandVolume]:
-        """Grasp type -> the space between the pads, as a box in the TCP frame."""
-        return {grasp_type: _box(half_opening(volume), self.between) for grasp_type, volume in self.volumes.items()}
+        """Grasp type -> the space about the TCP between the fingers, as a box in the TCP frame."""
+        return {name: _box(region, self.between) for name, region in zip(self.grasp_types, self.regions, strict=True)}
 
     def closes_on_points(self, points: Tensor, T_object_tcp: Tensor, grasp_type: Tensor) -> Tensor:
-        """(G,) bool: a point (N, 3) lies between the pads at the grasps (G, 4, 4) of types (G,).
+        """(G,) bool: a point (N, 3) lies between the fingers at the grasps (G, 4, 4) of types (G,).
 
         Without any points nothing is known of what there is, and all may.
         """
         closes = torch.ones(len(grasp_type), dtype=torch.bool, device=grasp_type.device)
         if not len(points):
             return closes
-        for code, name in enumerate(GRASP_TYPES):
+        for code, name in enumerate(self.grasp_types):
             of_type = grasp_type == code
             closes[of_type] = sensed_collision(points.float(), T_object_tcp[of_type].float(), self.gaps[name])
         return closes
@@ -147,7 +163,7 @@ class Clearance:
         free = torch.ones(len(grasp_type), dtype=torch.bool, device=grasp_type.device)
         if not len(points):
             return free
-        for code, name in enumerate(GRASP_TYPES):
+        for code, name in enumerate(self.grasp_types):
             of_type = grasp_type == code
             free[of_type] = ~sensed_collision(points.float(), T_object_tcp[of_type].float(), volumes[name])
         return free
@@ -158,7 +174,7 @@ class Clearance:
         So it is on the straight way from `retreat` (m) back along the approach.
         """
         free = torch.ones(len(grasp_type), dtype=torch.bool, device=grasp_type.device)
-        for code, name in enumerate(GRASP_TYPES):
+        for code, name in enumerate(self.grasp_types):
             of_type = grasp_type == code
             normal = plane.normal.to(T_object_tcp)
             corners = self.corners[name].to(T_object_tcp)
@@ -179,43 +195,22 @@ class Clearance:
         return self.plane_clearance + plane.offset + retreat * rise - lowest
 
 
-def half_opening(volume: HandVolume) -> float:
-    """m from the TCP to the nearest piece of the open hand along the closing axis."""
-    reached = []
-    for planes in volume.planes:
-        slope, offset = planes[:, 0].double(), planes[:, 3].double()
-        if bool((offset[slope == 0] < 0).any()):
-            continue  # the axis passes beside this piece
-        enters = (offset / slope)[slope < 0].amax()
-        leaves = (offset / slope)[slope > 0].amin()
-        if enters <= leaves:
-            reached.append(min(abs(float(enters)), abs(float(leaves))))
-    if not reached:
-        raise InputError("hand: expected pads on the closing axis through the TCP, got none")
-    return min(reached)
-
-
 def _swollen(volume: HandVolume, by: float) -> HandVolume:
     """Every piece with its faces moved outwards, m."""
     planes = tuple(torch.cat([piece[:, :3], piece[:, 3:] + by], dim=1) for piece in volume.planes)
     return HandVolume(planes, volume.low - by, volume.high + by)
 
 
-def _box(x: float, yz: float) -> HandVolume:
-    half = torch.tensor([x, yz, yz])
+def _box(region: ClosingRegion, least: float) -> HandVolume:
+    """What lies between the fingers `least` (m) about the TCP, or as far across as they are broad."""
+    half = torch.tensor([region.half, max(least, region.height), least])
+    middle = torch.tensor([region.middle, 0.0, 0.0])
     planes = torch.cat([torch.eye(3), -torch.eye(3)])
-    return HandVolume((torch.cat([planes, half.repeat(2)[:, None]], dim=1),), -half, half)
+    offsets = half.repeat(2) + torch.cat([middle, -middle])
+    return HandVolume((torch.cat([planes, offsets[:, None]], dim=1),), middle - half, middle + half)
 
 
 def hull_corners(volume: HandVolume) -> Tensor:
     """Corners (C, 3) f32 of the convex hull of all pieces of a hand, in the TCP frame."""
     corners = np.concatenate([corners_of(planes.double().cpu().numpy()) for planes in volume.planes])
     return torch.from_numpy(corners[ConvexHull(corners).vertices]).float()
-
-
-def corners_of(planes: np.ndarray) -> np.ndarray:
-    """Corners (C, 3) of the polytope planes[:, :3] @ p <= planes[:, 3], unit normals."""
-    # The point farthest inside (Chebyshev centre): maximise r with normal @ p + r <= offset for every plane.
-    rows = np.hstack([planes[:, :3], np.ones((len(planes), 1))])
-    inside = linprog([0, 0, 0, -1], A_ub=rows, b_ub=planes[:, 3], bounds=[(None, None)] * 4).x[:3]
-    return HalfspaceIntersection(np.hstack([planes[:, :3], -planes[:, 3:]]), inside).intersections

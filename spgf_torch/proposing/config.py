@@ -38,6 +38,7 @@ class ProposingConfig:
     coarse_cell: float = bounded(0.001, 0.1)
     plane_clearance: float = bounded(0.0, 1.0)
     between: float = bounded(0.001, 0.2)
+    probability_weight: float = bounded(0.0, 1.0)
 
 
 @dataclass

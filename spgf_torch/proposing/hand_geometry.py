@@ -11,34 +11,11 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.sensed_collision import HandVolume
-from spgf_torch.errors import InputError
-from spgf_torch.hands.config import GRASP_TYPES
-from spgf_torch.proposing.clearance import corners_of, half_opening
+from spgf_torch.proposing.closing_region import ClosingRegion, closing_region, corners_of
 from spgf_torch.proposing.config import HypothesesConfig
 
-# m behind a pad's face in which its extents across closing are measured: a fingertip's thickness.
-_SKIN = 0.005
 # Grid points of one piece of the hand beyond which its grid is the coarse one: a palm is not to outnumber the fingers.
 _LARGE = 400
-
-
-@dataclass(frozen=True)
-class ClosingRegion:
-    """The box that the pads sweep, in the TCP frame: |x| < half, |y| < height, low < z < high, m."""
-
-    half: float
-    height: float
-    low: float
-    high: float
-
-    @property
-    def length(self) -> float:
-        """m along the approach."""
-        return self.high - self.low
-
-    def holds(self, x: Tensor, y: Tensor, z: Tensor) -> Tensor:
-        """Bool in the shape of the coordinates: inside."""
-        return (x.abs() < self.half) & (y.abs() < self.height) & (z > self.low) & (z < self.high)
 
 
 @dataclass(frozen=True)
@@ -47,7 +24,7 @@ class HandGeometry:
 
     Attributes:
         volume: its convex pieces.
-        region: what the pads sweep.
+        region: what the fingers sweep.
         config: how its inside is sampled.
     """
 
@@ -57,7 +34,7 @@ class HandGeometry:
 
     @staticmethod
     def of(volume: HandVolume, config: HypothesesConfig) -> HandGeometry:
-        """The geometry that follows from the pieces; InputError where none lies on the closing axis."""
+        """The geometry that follows from the pieces; InputError where none bounds a closing region."""
         return HandGeometry(volume, closing_region(volume), config)
 
     @cached_property
@@ -86,7 +63,7 @@ class HandGeometry:
         r = self.region
         middle, third = (r.low + r.high) / 2, r.length / 3
         axes = (
-            torch.linspace(-r.half, r.half, 9),
+            torch.linspace(-r.half, r.half, 9) + r.middle,
             torch.tensor([-2 / 3, 0.0, 2 / 3]) * r.height,
             torch.tensor([middle - third, middle, middle + third]),
         )
@@ -109,29 +86,5 @@ class HandGeometry:
 
 
 def hand_geometry(volumes: Mapping[str, HandVolume], config: HypothesesConfig) -> tuple[HandGeometry, ...]:
-    """The geometry of each grasp type, in the order of `config.GRASP_TYPES`."""
-    return tuple(HandGeometry.of(volumes[grasp_type], config) for grasp_type in GRASP_TYPES)
-
-
-def closing_region(volume: HandVolume) -> ClosingRegion:
-    """The region between the pads: bounded by the pieces on the closing axis, as high and long as both their faces.
-
-    Raises InputError where there are none.
-    """
-    half = half_opening(volume)
-    faces = []
-    for piece in volume.planes:
-        planes = piece.double().cpu().numpy()
-        for side in (-1.0, 1.0):
-            just_inside = np.array([side * (half + 1e-5), 0, 0])
-            if (planes[:, :3] @ just_inside <= planes[:, 3]).all():
-                slab = np.array([[side, 0, 0, half + _SKIN], [-side, 0, 0, -half]])
-                faces.append(corners_of(np.concatenate([planes, slab])))
-    if not faces:
-        raise InputError("hand: expected a piece of the open hand on the closing axis, got none")
-    return ClosingRegion(
-        half,
-        float(min(np.abs(face[:, 1]).max() for face in faces)),
-        float(max(face[:, 2].min() for face in faces)),
-        float(min(face[:, 2].max() for face in faces)),
-    )
+    """The geometry of each grasp type, in the order of their sorted names."""
+    return tuple(HandGeometry.of(volumes[grasp_type], config) for grasp_type in sorted(volumes))

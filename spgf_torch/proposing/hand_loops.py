@@ -37,18 +37,18 @@ def nearest_piece(at: Floats, normals: Floats, offsets: Floats, least: Floats) -
 def pad_numbers(at: Floats, cosine: Floats, limits: Floats, numbers: Floats) -> None:
     """Into numbers (G, 11): `judge_features.PADS` and reach, of points at (G, 3, N) of cosines (G, N) with x.
 
-    limits (8,): half, height, low and high of the closing region; m behind the TCP that the fingers reach; m of a pad's
-    depth; the cosine of the friction cone's edge; the cosine from which on a normal faces a pad.
+    limits (9,): half, height, low, high and middle of the closing region; m behind the TCP that the fingers reach; m of
+    a pad's depth; the cosine of the friction cone's edge; the cosine from which on a normal faces a pad.
     """
-    half, height, low, high, behind, depth, edge, facing = limits
+    half, height, low, high, middle, behind, depth, edge, facing = limits
     on = np.empty(at.shape[2], np.int64)
     for g in range(len(at)):
         x, y, z = at[g, 0], at[g, 1], at[g, 2]
         nearest, count, left, right, total = high, 0, np.float32(np.inf), np.float32(-np.inf), 0.0
         for i in range(len(x)):
-            if abs(y[i]) < height and abs(x[i]) < half and z[i] < high and z[i] > -behind:
+            if abs(y[i]) < height and abs(x[i] - middle) < half and z[i] < high and z[i] > -behind:
                 nearest = min(nearest, z[i])
-            if abs(y[i]) < height and abs(x[i]) < half and z[i] < high and z[i] > low:
+            if abs(y[i]) < height and abs(x[i] - middle) < half and z[i] < high and z[i] > low:
                 on[count] = i
                 count += 1
                 left, right, total = min(left, x[i]), max(right, x[i]), total + z[i]
@@ -72,7 +72,7 @@ def pad_numbers(at: Floats, cosine: Floats, limits: Floats, numbers: Floats) -> 
             cosines[side] /= members[side]
         numbers[g, 0] = np.log1p(count)
         numbers[g, 1] = (right - left) / (np.float32(2) * half)
-        numbers[g, 2] = abs(right + left) / np.float32(2)
+        numbers[g, 2] = abs((right + left) / np.float32(2) - middle)
         numbers[g, 3] = total / count
         numbers[g, 4], numbers[g, 5] = within.min(), within.max()
         numbers[g, 6], numbers[g, 7] = cosines.min(), cosines.max()

@@ -5,7 +5,8 @@
 2. Hands that close along either tangent, their approach against the normal and turned about the closing axis; and hands
    that close along the normal, as on a rim, their approach along either tangent.
 3. Each in three lateral places: what is seen between the pads in the middle, or its face close to either pad, since
-   with one view the far side of a thing may lie further than what is seen of it.
+   with one view the far side of a thing may lie further than what is seen of it. Hands without a pad on either side of
+   the TCP, such as three fingers in a circle, in the middle alone.
 4. Of each the deepest place where the hand is free, and one a little further back.
 
 After GPG (ten Pas and Platt 2017), with the hand's own geometry. Everything looks at relative poses alone, so
@@ -24,10 +25,10 @@ import torch
 from torch import Tensor
 
 from spgf_torch.geometry import se3
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.proposing.clearance import Clearance, Surroundings
+from spgf_torch.proposing.closing_region import ClosingRegion
 from spgf_torch.proposing.config import HypothesesConfig
-from spgf_torch.proposing.hand_geometry import ClosingRegion, HandGeometry, hand_geometry
+from spgf_torch.proposing.hand_geometry import HandGeometry, hand_geometry
 from spgf_torch.proposing.push_loops import Pieces, deepest_free, extents, pieces_of
 from spgf_torch.proposing.sampling import farthest_point_sampling
 from spgf_torch.sensing.texlets import Texlets
@@ -42,7 +43,6 @@ _PAIRS = 1 << 19
 _BEYOND = 1.5
 # m; side of the cells of obstacles that discard most colliding hypotheses cheaply.
 _SPARSE = 0.008
-PLACES = 3
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ class Search:
     @cached_property
     def pieces(self) -> tuple[tuple[Pieces, Pieces], ...]:
         """Of each grasp type, what may not touch texlets, and what obstacles."""
-        both = ((self.clearance.volumes[grasp_type], self.clearance.swollen[grasp_type]) for grasp_type in GRASP_TYPES)
-        return tuple((pieces_of(volume), pieces_of(swollen)) for volume, swollen in both)
+        names, volumes, swollen = self.clearance.grasp_types, self.clearance.volumes, self.clearance.swollen
+        return tuple((pieces_of(volumes[name]), pieces_of(swollen[name])) for name in names)
 
     def hypotheses(self, texlets: Texlets, around: Surroundings) -> Hypotheses:
         """Free poses about the texlets, at most `config.hypotheses`; from below only where there are no others."""
@@ -135,7 +135,7 @@ class Search:
 
     def _of_type(self, code: int, T: Tensor, at: Tensor, positions: Tensor, around: Surroundings) -> Tensor:
         """Poses (H, 4, 4) of one grasp type, sorted by frame, depth and place; the positions lie at (F, 3, N) in T."""
-        hand, grasp_type = self.hands[code], GRASP_TYPES[code]
+        hand, grasp_type = self.hands[code], self.clearance.grasp_types[code]
         depths = torch.arange(self.config.deepest, self.config.shallowest - 1e-6, -self.config.depth_step)
         shift, possible = places(*profile(at, depths, hand.region), hand, self.config)  # (F, D, places)
         along = depths[:, None, None] * T[:, None, None, :3, 2]
@@ -194,18 +194,18 @@ def _axes(normal: Tensor, axis: Tensor, tilt: float) -> tuple[Tensor, Tensor]:
 
 
 def profile(at: Tensor, depths: Tensor, region: ClosingRegion) -> tuple[Tensor, Tensor, Tensor]:
-    """What is seen between the pads, and a little beyond them, of hands pushed forward by depths (D,).
+    """What is seen between the fingers, and a little beyond them, of hands pushed forward by depths (D,).
 
     Points lie at (F, 3, N) in the frames of hands that are not yet pushed.
 
     Returns:
-        lowest and highest x (F, D) f32, m along closing from the hand's middle (infinite of nothing); how many points
+        lowest and highest x (F, D) f32, m along closing from the TCP (infinite of nothing); how many points
         (F, D) int64.
     """
     low = torch.full((len(at), len(depths)), torch.inf)
     high = torch.full_like(low, -torch.inf)
     count = torch.zeros(low.shape, dtype=torch.int64)
-    edges = np.array([_BEYOND * region.half, region.height], np.float32)
+    edges = np.array([region.middle, _BEYOND * region.half, region.height], np.float32)
     first, last = ((depths.double() + end).float().numpy() for end in (region.low, region.high))
     extents(at.numpy(), edges, first, last, low.numpy(), high.numpy(), count.numpy())
     return low, high, count
@@ -214,13 +214,16 @@ def profile(at: Tensor, depths: Tensor, region: ClosingRegion) -> tuple[Tensor, 
 def places(
     low: Tensor, high: Tensor, count: Tensor, hand: HandGeometry, config: HypothesesConfig
 ) -> tuple[Tensor, Tensor]:
-    """Lateral shifts (F, D, 3) of a hand, m, and whether what was seen (`profile`) then lies between its pads.
+    """Lateral shifts (F, D, places) of a hand, m, and whether what was seen (`profile`) then lies between its fingers.
 
-    Places: what was seen in the middle; its highest face near the pad at +x; its lowest near the pad at -x.
+    Places: what was seen in the middle; of a hand with pads also its highest face near the pad at +x, and its lowest
+    near the pad at -x.
     """
-    half, gap = hand.region.half, config.face_gap
-    shift = torch.stack([(low + high) / 2, high - half + gap, low + half - gap], dim=2)
+    half, middle, gap = hand.region.half, hand.region.middle, config.face_gap
+    shift = torch.stack([(low + high) / 2 - middle, high - (middle + half) + gap, low - (middle - half) - gap], dim=2)
     room = torch.tensor([0.0, gap, gap]) + config.play
+    if not hand.region.pads:
+        shift, room = shift[:, :, :1], room[:1]
     fits = (high - low).unsqueeze(2) <= 2 * (half - room)
     return shift.nan_to_num(0.0), fits & (count >= config.closing_points).unsqueeze(2)
 

@@ -25,14 +25,14 @@ from spgf_torch.errors import InputError
 from spgf_torch.files.digests import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
 from spgf_torch.files.reading import existing, json_values, unreadable
 from spgf_torch.files.writing import write_bytes
-from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.config import HandConfig, grasp_types
 from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.judge_features import GEOMETRY, NAMES
 from spgf_torch.proposing.tree_ensembles import FORMS, Form
 from spgf_torch.settings import typed
 
 FORMAT = "spgf_torch judge"
-SCHEMA = 2
+SCHEMA = 3
 DIGEST = "tensors_sha256"  # key in judge.json: SHA-256 of judge.safetensors
 LARGEST = 16_000_000  # bytes of judge.safetensors; a judge of today's settings has a third of a million
 ARRAYS, ABOUT = "judge.safetensors", "judge.json"
@@ -86,6 +86,11 @@ class Judge:
         return free**power, holds**power
 
     @property
+    def grasp_types(self) -> tuple[str, ...]:
+        """Names of the grasp types, by the codes that it learned."""
+        return grasp_types(typed(HandConfig, self.settings["hand"]))
+
+    @property
     def hypotheses(self) -> HypothesesConfig:
         """The settings that its numbers were made with."""
         return typed(HypothesesConfig, self.settings["hypotheses"])
@@ -125,6 +130,7 @@ def save_judge(judge: Judge, folder: Path) -> int:
         "format": FORMAT,
         "schema": SCHEMA,
         "numbers": list(NAMES),
+        "grasp_types": list(judge.grasp_types),
         "forms": forms,
         "sure": judge.sure,
         "settings": dict(judge.settings),
@@ -204,6 +210,9 @@ def _document(path: Path) -> dict[str, Any]:
             typed(room, document["settings"].get(key, {}))
         except InputError as error:
             raise InputError(f"{path}: settings.{key}: {error}") from None
+    names = list(grasp_types(typed(HandConfig, document["settings"].get("hand", {}))))
+    if document.get("grasp_types") != names:
+        raise InputError(f"{path}: expected grasp_types {names}, those of its hand; got {document.get('grasp_types')}")
     return document
 
 

@@ -3,7 +3,8 @@
 In the TCP frame: x closing, y across, z approach; h is half the opening. Lengths are metres. None of them knows what is
 up: a table takes part through what is free of it, not here.
 
-- type: the grasp type, 0 or 1. margin: least signed distance of the hand to a sensed point, at most `config.margin`.
+- type: the grasp type, its place among the sorted names. margin: least signed distance of the hand to a sensed point,
+  at most `config.margin`.
 - log_points: log(1 + points between the pads). width: their extent along x over 2h; off_mid: how far their middle is
   from the hand's; mean_z: their mean along the approach.
 - pads: the points within `pad_depth` of the outermost on either side, and how far their normals face along x.
@@ -113,7 +114,10 @@ def margin(at: Tensor, hand: HandGeometry, most: float) -> Tensor:
 def between_pads(at: Tensor, cosine: Tensor, hand: HandGeometry) -> Tensor:
     """(G, 11): the numbers `PADS` and reach, of points at (G, 3, N) with normals whose cosine with x is (G, N)."""
     region, config = hand.region, hand.config
-    box, edge = (region.half, region.height, region.low, region.high), math.cos(math.atan(config.friction))
+    box, edge = (
+        (region.half, region.height, region.low, region.high, region.middle),
+        math.cos(math.atan(config.friction)),
+    )
     limits = np.array([*box, config.near_fingers, config.pad_depth, edge, _FACING], np.float32)
     numbers = torch.empty(len(at), len(PADS) + 1)
     pad_numbers(at.numpy(), cosine.numpy(), limits, numbers.numpy())
@@ -135,7 +139,7 @@ def unseen(T: Tensor, seen: Seen, hand: HandGeometry) -> Tensor:
     fingers, palm = (behind_at(T, points, seen.views, config.unseen) for points in (hand.fingers, hand.palm))
     sweep = behind_at(T, hand.sweep, seen.views, 0.0)
     hidden = fingers > config.unseen
-    left = hand.fingers[:, 0] < 0
+    left = hand.fingers[:, 0] < hand.region.middle
     sides = torch.stack([share(hidden[:, left]), share(hidden[:, ~left])])
     centre = seen.texlets.positions.float().cpu().mean(0)
     numbers = (

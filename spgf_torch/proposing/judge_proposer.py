@@ -19,7 +19,8 @@ from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import Seen, in_images, judge_features
 from spgf_torch.proposing.judge_influences import Numbers
-from spgf_torch.proposing.propose import NOTHING, Pool, Proposals, Proposer, votes_by_prototype
+from spgf_torch.proposing.proposals import Proposals, votes_by_prototype
+from spgf_torch.proposing.propose import NOTHING, Pool, Proposer
 from spgf_torch.proposing.sampling import non_maximum_suppression
 
 
@@ -66,44 +67,47 @@ class JudgedProposer:
     def propose(self, seen: Seen, around: Surroundings = NOTHING) -> Proposals:
         """Grasps for what is seen, the most probable first, with the votes of local shapes on each."""
         found = ranked(self.judge, self.search, self.config, seen, around)
+        names = self.search.clearance.grasp_types
         if (proposer := self.proposer) is None:
             none = torch.zeros(len(found.poses), dtype=torch.int64)
             score, no_votes = found.probability, ((),) * len(none)
-            return Proposals(found.poses.T, found.poses.grasp_type, score, score, none, no_votes, found.factors)
+            its = found.poses.T, found.poses.grasp_type, names, score, score
+            return Proposals(*its, none, no_votes, found.factors)
         device = proposer.model.centres.device
         T, grasp_type = found.poses.T.to(device), found.poses.grasp_type.to(device)
         votes = proposer.votes(T, grasp_type, proposer.voters(proposer.described(seen.texlets)))
         score = found.probability.to(device)
         support = torch.bincount(votes.grasp, minlength=len(T))
         voted_by = tuple(votes_by_prototype(votes, len(T)))
-        return Proposals(T, grasp_type, score, score, support, voted_by, found.factors, found.numbers)
+        its = T, grasp_type, names, score, score
+        return Proposals(*its, support, voted_by, found.factors, found.numbers)
 
 
 def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, around: Surroundings) -> Ranked:
     """The most probable grasps, no two of which are the same, at most `config.count` of each type."""
     hypotheses = search.hypotheses(seen.texlets, around)
     hypotheses = hypotheses.at(in_images(seen, hypotheses, search))
-    regions = [hand.region for hand in search.hands]
-    clear = clear_of_borders(around.borders, hypotheses.T, hypotheses.grasp_type, regions)
+    clear = clear_of_borders(around.borders, hypotheses.T, hypotheses.grasp_type, search.clearance.regions)
     hypotheses = hypotheses.at(clear)
     numbers = judge_features(seen, hypotheses, search)
     factors = torch.stack(judge.both(numbers, images=bool(seen.views)), dim=1)
-    kept = best_indices(hypotheses, score := factors.prod(1).float(), config)
+    kept = best_indices(hypotheses, score := factors.prod(1).float(), search, config)
     usual = numbers.median(0).values if len(numbers) else numbers
     known = tuple(Numbers(numbers[i], usual, bool(seen.views)) for i in kept.tolist())
     return Ranked(hypotheses.at(kept), score[kept], factors[kept], known)
 
 
-def best_of(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig) -> Ranked:
+def best_of(hypotheses: Hypotheses, score: Tensor, search: Search, config: ProposingConfig) -> Ranked:
     """The highest scores (H,) f32, no two of the same grasp, at most `config.count` of each type."""
-    kept = best_indices(hypotheses, score, config)
+    kept = best_indices(hypotheses, score, search, config)
     return Ranked(hypotheses.at(kept), score[kept])
 
 
-def best_indices(hypotheses: Hypotheses, score: Tensor, config: ProposingConfig) -> Tensor:
+def best_indices(hypotheses: Hypotheses, score: Tensor, search: Search, config: ProposingConfig) -> Tensor:
     """(G,) int64, those of `best_of`, the best first."""
     alike = torch.zeros_like(hypotheses.grasp_type)  # a wide and a narrow grasp of one place are one grasp
-    kept = non_maximum_suppression(hypotheses.T, alike, score, config.apart, config.apart_deg)
+    limits = config.apart, config.apart_deg, search.clearance.symmetry(hypotheses.grasp_type)
+    kept = non_maximum_suppression(hypotheses.T, alike, score, *limits)
     pool = Pool(hypotheses.T[kept], hypotheses.grasp_type[kept], score[kept])
     kept = kept[of_each := pool.best_of_each_type(config.count)]
     return kept[torch.argsort(pool.score[of_each], descending=True, stable=True)]

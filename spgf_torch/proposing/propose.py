@@ -14,7 +14,6 @@ falls into is the one thing that rounding can change.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -32,13 +31,11 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.features.interface import LocalFeatures
 from spgf_torch.geometry import se3
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.proposing.borders import clear_of_borders
 from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.grasp_seeds import GraspSeeds, grasp_seeds
-from spgf_torch.proposing.hand_geometry import ClosingRegion, closing_region
-from spgf_torch.proposing.judge_influences import Numbers
+from spgf_torch.proposing.proposals import Proposals, between_types, votes_by_prototype
 from spgf_torch.proposing.sampling import farthest_point_sampling, non_maximum_suppression
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.sensing.texlets import Texlets
@@ -46,41 +43,6 @@ from spgf_torch.settings import typed
 
 # No table, no obstacles.
 NOTHING = Surroundings()
-
-
-@dataclass(frozen=True)
-class Proposals:
-    """Grasps in the frame of the texlets, the best first, both types in one ranking.
-
-    Attributes:
-        T_object_tcp: (G, 4, 4) f32, m.
-        grasp_type: (G,) int64, index into `config.GRASP_TYPES`.
-        probability: (G,) f32, calibrated, that the grasp succeeds.
-        score: (G,) f32, mean log-odds gain of the votes, drawn towards 0 by `proposing.vote_shrinkage` votes.
-        support: (G,) int64, votes.
-        voted_by: of each grasp (prototype, votes), most votes first.
-        judged: (G, 2) f64, of a judge P(free) and P(holds | free); None where the votes ranked.
-        numbers: what the judge knew of each; () where the votes ranked.
-    """
-
-    T_object_tcp: Tensor
-    grasp_type: Tensor
-    probability: Tensor
-    score: Tensor
-    support: Tensor
-    voted_by: tuple[tuple[tuple[int, int], ...], ...]
-    judged: Tensor | None = None
-    numbers: tuple[Numbers, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.grasp_type)
-
-    def best(self, n: int) -> dict[str, Tensor]:
-        """The n best of each grasp type and of both together (CG): indices (<= n,) int64, best first."""
-        of_type = {
-            grasp_type: (self.grasp_type == code).nonzero()[:n, 0] for code, grasp_type in enumerate(GRASP_TYPES)
-        }
-        return {**of_type, "CG": torch.arange(min(n, len(self)), device=self.grasp_type.device)}
 
 
 @dataclass(frozen=True)
@@ -111,10 +73,10 @@ class Pool:
         return Pool(self.T[chosen], self.grasp_type[chosen], self.score[chosen])
 
     def best_of_each_type(self, n: int) -> Tensor:
-        """Indices (<= 2n,) int64 of the n highest scores of each type, best first within a type."""
+        """Indices (<= n of each type,) int64 of the n highest scores of each type, best first within a type."""
         order = torch.argsort(self.score, descending=True, stable=True)
         types = self.grasp_type[order]
-        return torch.cat([order[types == code][:n] for code in range(len(GRASP_TYPES))])
+        return torch.cat([order[:0], *(order[types == code][:n] for code in types.unique())])
 
 
 @dataclass(frozen=True)
@@ -141,17 +103,14 @@ class Proposer:
 
     @cached_property
     def grasp_seeds(self) -> GraspSeeds:
-        return grasp_seeds(self.model, self.gains, self.config)
+        volumes = self.clearance.volumes
+        symmetry = [volumes[grasp_type].symmetry for grasp_type in self.clearance.grasp_types]
+        return grasp_seeds(self.model, self.gains, self.config, symmetry)
 
     @cached_property
     def gains(self) -> Tensor:
         """(P,) f32: the gain in log-odds of a vote that finds a point of the model."""
         return point_gains(self.model.condensed, self.affordance)
-
-    @cached_property
-    def regions(self) -> tuple[ClosingRegion, ...]:
-        """What the pads of each grasp type sweep."""
-        return tuple(closing_region(self.clearance.volumes[grasp_type]) for grasp_type in GRASP_TYPES)
 
     @cached_property
     def moves(self) -> Tensor:
@@ -201,7 +160,7 @@ class Proposer:
         possible = self.above(T, grasp_type, around).nonzero()[:, 0]
         at = T[possible], grasp_type[possible]
         if around.borders is not None:
-            possible = possible[clear_of_borders(around.borders, *at, self.regions)]
+            possible = possible[clear_of_borders(around.borders, *at, self.clearance.regions)]
         sparse = around.sparse(config.coarse_cell)
         possible = possible[self.clearance.free_of_points(sparse, T[possible], grasp_type[possible])]
         T, grasp_type = T[possible], grasp_type[possible]
@@ -211,12 +170,16 @@ class Proposer:
         pool = pool.at(self.clearance.free_of_points(few, pool.T, pool.grasp_type).nonzero()[:, 0])
         pool = pool.at(self.clearance.closes_on_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])
         pool = pool.at(self.clearance.free_of_obstacles(around.obstacles, pool.T, pool.grasp_type).nonzero()[:, 0])
-        pool = pool.at(
-            non_maximum_suppression(pool.T, pool.grasp_type, pool.score, config.merge_distance, config.merge_deg)
-        )
+        pool = self.distinct(pool, config.merge_distance, config.merge_deg)
         pool = pool.at(pool.best_of_each_type(config.survivors))
         pool = pool.at(self.clearance.free_of_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])
         return replace(pool, score=self.score(pool.T, pool.grasp_type, voters, len(voters)))
+
+    def distinct(self, pool: Pool, distance: float, angle_deg: float) -> Pool:
+        """Those that no better one of their type is the same grasp as."""
+        symmetry = self.clearance.symmetry(pool.grasp_type)
+        its = pool.T, pool.grasp_type, pool.score
+        return pool.at(non_maximum_suppression(*its, distance, angle_deg, symmetry))
 
     def above(self, T: Tensor, grasp_type: Tensor, around: Surroundings) -> Tensor:
         """(G,) bool: the hand stays above the table on its whole way, and does not come from below."""
@@ -237,7 +200,7 @@ class Proposer:
         free &= self.clearance.free_of_obstacles(around.obstacles, T[better], grasp_type[better])
         free &= self.above(T[better], grasp_type[better], around)
         if around.borders is not None:
-            free &= clear_of_borders(around.borders, T[better], grasp_type[better], self.regions)
+            free &= clear_of_borders(around.borders, T[better], grasp_type[better], self.clearance.regions)
         gained = torch.full_like(score, -math.inf)
         gained[better[free]] = score[better[free]]
         top = gained.view(len(best), len(moves)).max(dim=1)
@@ -250,19 +213,23 @@ class Proposer:
     def proposals(self, pool: Pool, voters: Voters) -> Proposals:
         """Keep one of each grasp, the best `count` of each type, with the votes of all voters."""
         config = self.config
-        pool = pool.at(non_maximum_suppression(pool.T, pool.grasp_type, pool.score, config.apart, config.apart_deg))
+        pool = self.distinct(pool, config.apart, config.apart_deg)
         pool = pool.at(pool.best_of_each_type(config.count))
         pool = pool.at(torch.argsort(pool.score, descending=True, stable=True))
         votes = self.votes(pool.T, pool.grasp_type, voters)
         scores = self.scores(votes, pool.grasp_type, self.affordance)  # what calibration was learned for
         probability = scores.calibrated(self.model.calibration).probability
         supported = (scores.votes > 0).nonzero()[:, 0]
+        score = between_types(pool.score[supported], probability[supported], pool.grasp_type[supported], config)
+        order = torch.argsort(score, descending=True, stable=True)
+        supported, score = supported[order], score[order]
         voted_by = votes_by_prototype(votes, len(pool.score))
         return Proposals(
             pool.T[supported].float(),
             pool.grasp_type[supported],
+            self.clearance.grasp_types,
             probability[supported],
-            pool.score[supported],
+            score,
             scores.votes[supported],
             tuple(voted_by[i] for i in supported.tolist()),
         )
@@ -284,11 +251,3 @@ class Proposer:
         """The votes on free grasps of types (G,), combined."""
         free = torch.zeros_like(grasp_type, dtype=torch.bool)
         return score_grasps(votes, self.model.condensed.base_rate, grasp_type, free, affordance)
-
-
-def votes_by_prototype(votes: Votes, grasps: int) -> list[tuple[tuple[int, int], ...]]:
-    """Of each of so many grasps (prototype, votes), most votes first."""
-    counted: list[Counter[int]] = [Counter() for _ in range(grasps)]
-    for grasp, prototype in zip(votes.grasp.tolist(), votes.prototype.tolist(), strict=True):
-        counted[grasp][prototype] += 1
-    return [tuple(sorted(c.items(), key=lambda item: (-item[1], item[0]))) for c in counted]

@@ -51,7 +51,7 @@ def pieces_of(volume: HandVolume) -> Pieces:
 def extents(at: Floats, edges: Floats, first: Floats, last: Floats, low: Floats, high: Floats, count: Ids) -> None:
     """Least and greatest x (F, D), and number, of the points at (F, 3, N) that lie between each pair of planes.
 
-    Those with |x| and |y| below edges (2,), and z between first[k] and last[k] (D,).
+    Those with |x - edges[0]| below edges[1], |y| below edges[2], and z between first[k] and last[k] (D,).
     """
     on = np.empty(at.shape[2], np.int64)
     for f in range(len(at)):
@@ -59,7 +59,7 @@ def extents(at: Floats, edges: Floats, first: Floats, last: Floats, low: Floats,
         between = 0
         for i in range(len(x)):  # without a branch, which would be guessed wrong half of the time
             on[between] = i
-            between += (abs(y[i]) < edges[1]) & (abs(x[i]) < edges[0])
+            between += (abs(y[i]) < edges[2]) & (abs(x[i] - edges[0]) < edges[1])
         for i in on[:between]:
             for k in range(len(first)):
                 if z[i] > first[k] and z[i] < last[k]:

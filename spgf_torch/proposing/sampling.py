@@ -27,24 +27,49 @@ def farthest_point_sampling(T_object_feature: Tensor, count: int, normal_weight:
     return farthest_first(point.double(), distance.double(), min(count, len(point)))
 
 
-def non_maximum_suppression(T: Tensor, group: Tensor, score: Tensor, distance: float, angle_deg: float) -> Tensor:
+def non_maximum_suppression(
+    T: Tensor, group: Tensor, score: Tensor, distance: float, angle_deg: float, symmetry: Tensor | int = 2
+) -> Tensor:
     """Return indices (<= G,) int64 of the poses (G, 4, 4) that are local maxima of the score (G,), highest first.
 
     A pose is suppressed by a kept one of a higher score, of its own group (G,) int64 within `distance` (m) and
-    `angle_deg` of it. The angle is the smaller of two: a two-finger hand turned half round its approach axis makes
-    the same grasp. Of equal scores the first counts as higher.
+    `angle_deg` of it; what is turned about the approach may be the same grasp (`same_grasp`: symmetry). Of equal scores
+    the first counts as higher.
     """
     order = torch.argsort(score, descending=True, stable=True)
-    alike = same_grasp(T[order], distance, angle_deg) & (group[order].unsqueeze(1) == group[order])
+    turns = symmetry[order] if isinstance(symmetry, Tensor) else symmetry
+    alike = same_grasp(T[order], distance, angle_deg, turns) & (group[order].unsqueeze(1) == group[order])
     pairs = alike.triu(diagonal=1).nonzero().cpu().numpy()
     return order[torch.from_numpy(independent_set(pairs, len(order))).to(order.device)]
 
 
-def same_grasp(T: Tensor, distance: float, angle_deg: float) -> Tensor:
-    """Return (G, G) bool, which poses lie within `distance` (m) and `angle_deg`, half a turn or none apart."""
+def same_grasp(T: Tensor, distance: float, angle_deg: float, symmetry: Tensor | int = 2) -> Tensor:
+    """Return (G, G) bool, which poses lie within `distance` (m) and `angle_deg` of each other.
+
+    The angle is the least of those to the other pose turned about its approach, which is its z axis, by whole multiples
+    of 360 deg / symmetry: hands make the same grasp there. Two jaws have a symmetry of 2: half a turn.
+
+    Args:
+        symmetry: one for all, or each grasp's (G,) int64. Two of symmetries n and m are the same grasp if turning both
+            makes them so: by multiples of 360 deg over the least common multiple of n and m.
+    """
     position, quaternion = se3.position_of(T), se3.quaternion_of(T)
-    w, x, y, z = quaternion.unbind(1)
-    rotated = torch.stack([-z, y, -x, w], dim=1)  # quaternion * (0, 0, 0, 1): half a turn about the approach axis
-    cosine = torch.maximum((quaternion @ quaternion.T).abs(), (quaternion @ rotated.T).abs())
     apart = torch.cdist(position, position, compute_mode="donot_use_mm_for_euclid_dist")
-    return (apart <= distance) & (cosine >= math.cos(math.radians(angle_deg) / 2))
+    kinds, its = torch.as_tensor(symmetry, device=T.device).expand(len(T)).unique(return_inverse=True)
+    both = torch.lcm(kinds.unsqueeze(1), kinds)
+    first, *others = both.unique().tolist() or [1]
+    nearest = _cosine(quaternion, first)
+    for n in others:
+        nearest = torch.where((both == n)[its][:, its], _cosine(quaternion, n), nearest)
+    return (apart <= distance) & (nearest >= math.cos(math.radians(angle_deg) / 2))
+
+
+def _cosine(quaternion: Tensor, turns: int) -> Tensor:
+    """(G, G) cosine of half the least angle between orientations (G, 4), over so many turns of one about z."""
+    w, x, y, z = quaternion.unbind(1)
+    cosine = (quaternion @ quaternion.T).abs()
+    for k in range(1, turns):
+        c, s = (round(f(math.pi * k / turns), 15) for f in (math.cos, math.sin))  # cos 90 deg is 0, not 6e-17
+        turned = torch.stack([c * w - s * z, c * x + s * y, c * y - s * x, c * z + s * w], dim=1)
+        cosine = torch.maximum(cosine, (quaternion @ turned.T).abs())
+    return cosine

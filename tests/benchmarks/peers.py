@@ -31,7 +31,7 @@ from shared.ranking import JUDGE, NETWORK, SCORES, Sensed, Timed, peers, rank
 from torch import Tensor
 
 from spgf_torch.errors import InputError
-from spgf_torch.hands.config import GRASP_TYPES, HandConfig
+from spgf_torch.hands.config import HandConfig, grasp_types
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.judging.clouds import seen_as
 from spgf_torch.objects.config import CollisionConfig
@@ -74,7 +74,7 @@ def tried(found: dict[str, list[Timed]], sensed: Sequence[Sensed], hand: HandCon
     for name, its in found.items():
         for i, timed in enumerate(its):
             best = timed.ranked.poses.at(slice(N))
-            for code, kind in enumerate(GRASP_TYPES):
+            for code, kind in enumerate(grasp_types(hand)):
                 which = (best.grasp_type == code).nonzero()[:, 0]
                 requests.append((sensed[i].obj, kind, best.T[which].float()))
                 where.append((name, i, which))

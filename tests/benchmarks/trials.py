@@ -31,8 +31,9 @@ from shared.clouds import objects
 from shared.harness import Report
 from torch import Tensor
 
-from spgf_torch.hands.config import GRASP_TYPES, HandConfig
+from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import Hand, load_hand
+from spgf_torch.hands.preshape import Drive
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import root
 from spgf_torch.settings import settings, typed
@@ -65,7 +66,7 @@ FRICTION, SOLREF = (EPISODE.friction, 0.005, 1e-4), (2 * EPISODE.dt, 2.0)
 
 
 class Mujoco:
-    """The episode of `trials.episode` in MuJoCo, for one object and grasp type.
+    """The episode of `simulation.episode` in MuJoCo, for one object and grasp type of a jaw.
 
     The hand's base is the world's frame; the object is placed in it and all loads act on the object as forces, turned
     into that frame.
@@ -73,7 +74,7 @@ class Mujoco:
 
     def __init__(self, mujoco, obj: GraspObject, hand: Hand, kind: str) -> None:
         self.mj, self.obj, self.hand, self.preshape = mujoco, obj, hand, hand.preshapes[kind]
-        spec = mujoco.MjSpec.from_string(hand.urdf.read_text())
+        spec = mujoco.MjSpec.from_string(hand.robot.xml)
         spec.option.timestep, spec.option.gravity = EPISODE.dt, [0, 0, 0]
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -98,23 +99,15 @@ class Mujoco:
             )
             geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, mass=0)
             geom.contype, geom.conaffinity, geom.friction, geom.solref = 0, 1, FRICTION, SOLREF
-        c = hand.config
-        self.proximal, self.distal = [], []
-        for finger in c.fingers:
-            self.proximal.append(
-                _drive(mujoco, spec, finger.proximal, c.proximal_stiffness, c.proximal_damping, c.proximal_limit)
-            )
-            if finger.distal:
-                self.distal.append(
-                    _drive(mujoco, spec, finger.distal, c.distal_stiffness, c.distal_damping, c.distal_limit)
-                )
-        for joint, angle in hand.fixed.items():  # what never moves becomes part of its parent, as in `episode`
-            _weld(mujoco, spec, joint, angle)
+        for name, drive in self.preshape.drives.items():
+            _drive(mujoco, spec, name, drive)
+        for name in self.preshape.held:  # what never moves becomes part of its parent, as in `articulation`
+            _weld(mujoco, spec, name, self.preshape.joints[name])
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
-        self.addresses = [self.model.joint(f.proximal).qposadr[0] for f in c.fingers]
+        self.addresses = {name: self.model.joint(name).qposadr[0] for name in self.preshape.drives}
         self.free = self.model.body("object").jntadr[0]
-        self.pads = [self.model.body(finger.pad_link).id for finger in c.fingers]
+        self.pads = [self.model.body(link).id for (link,) in self.preshape.groups]
 
     def run(self, T_object_tcp: np.ndarray) -> str:
         mj, data, config = self.mj, self.data, EPISODE
@@ -124,11 +117,8 @@ class Mujoco:
         self.place = self.model.jnt_qposadr[self.free]
         data.qpos[self.place : self.place + 3] = T_base_object[:3, 3]
         data.qpos[self.place + 3 : self.place + 7] = _quaternion(mj, self.R)
-        for name, value in self.preshape.joints.items():
-            if name not in self.hand.fixed:
-                data.qpos[self.model.joint(name).qposadr[0]] = value
-        for actuator in self.proximal + self.distal:
-            data.actuator(actuator).ctrl[0] = self.preshape.joints[actuator]
+        for name, address in self.addresses.items():
+            data.qpos[address] = data.actuator(name).ctrl[0] = self.preshape.joints[name]
         mj.mj_forward(self.model, data)
         self.close()
         if not self.touching():
@@ -152,30 +142,32 @@ class Mujoco:
         return "success" if len(self.touching()) == 2 else "dropped"
 
     def close(self) -> None:
-        config, data, hand = self.hand.config, self.data, self.hand
-        lead, stride = config.closing_torque / config.proximal_stiffness, config.closing_speed * EPISODE.dt
+        data, closing, drives = self.data, self.preshape.closing, self.preshape.drives
+        (phase,), stride = closing.phases, closing.speed * EPISODE.dt
         window, dof = max(1, round(EPISODE.stall_window / EPISODE.dt)), self.model.jnt_dofadr[self.free]
-        targets = [hand.closing * float(data.qpos[a]) for a in self.addresses]
-        before, still = list(targets), 0
+        targets = before = {name: sign * float(data.qpos[self.addresses[name]]) for name, sign in phase.items()}
+        still = 0
         self.model.dof_damping[dof : dof + 3] = EPISODE.damping * self.obj.mass
         self.model.dof_damping[dof + 3 : dof + 6] = EPISODE.damping * np.trace(self.obj.inertia) / 3
-        for step in range(1, round(EPISODE.close_time / EPISODE.dt) + 1):
-            for k, (name, a) in enumerate(zip(self.proximal, self.addresses, strict=True)):
-                targets[k] = max(targets[k], min(targets[k] + stride, hand.closing * float(data.qpos[a]) + lead))
-                data.actuator(name).ctrl[0] = hand.closing * targets[k]
+        for step in range(1, round(closing.time / EPISODE.dt) + 1):
+            for name, sign in phase.items():
+                ahead = sign * float(data.qpos[self.addresses[name]]) + closing.effort / drives[name].stiffness
+                targets = {**targets, name: max(targets[name], min(targets[name] + stride, ahead))}
+                data.actuator(name).ctrl[0] = sign * targets[name]
             self.follow()
             self.mj.mj_step(self.model, data)
             if step % window == 0:
-                now = [hand.closing * float(data.qpos[a]) for a in self.addresses]
-                moved = max(abs(a - b) for a, b in zip(now, before, strict=True))
+                now = {name: sign * float(data.qpos[self.addresses[name]]) for name, sign in phase.items()}
+                moved = max(abs(now[name] - before[name]) for name in phase)
                 before, still = now, still + 1 if moved < EPISODE.stall_motion else 0
                 if still == 2:
                     break
         self.model.dof_damping[dof : dof + 6] = 0
 
     def follow(self) -> None:
-        for name, a in zip(self.distal, self.addresses, strict=True):
-            self.data.actuator(name).ctrl[0] = -float(self.data.qpos[a])
+        for name, rule in self.preshape.closing.follow.items():
+            driver = float(self.data.qpos[self.addresses[rule.of]])
+            self.data.actuator(name).ctrl[0] = rule.ratio * driver + rule.offset
 
     def failure(self, start: np.ndarray) -> str | None:
         now = self.data.qpos[self.place : self.place + 7]
@@ -195,11 +187,10 @@ class Mujoco:
         return found
 
 
-def _drive(mujoco, spec, joint: str, stiffness: float, damping: float, limit: float) -> str:
+def _drive(mujoco, spec, joint: str, drive: Drive) -> None:
     actuator = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    actuator.set_to_position(kp=stiffness, kv=damping)
-    actuator.forcelimited, actuator.forcerange = 1, [-limit, limit]
-    return joint
+    actuator.set_to_position(kp=drive.stiffness, kv=drive.damping)
+    actuator.forcelimited, actuator.forcerange = 1, [-drive.effort, drive.effort]
 
 
 def _weld(mujoco, spec, name: str, angle: float) -> None:
@@ -282,7 +273,7 @@ def main(count: int) -> None:
     mujoco, hand, tally = report.peer("mujoco"), load_hand(settings(HandConfig)), Tally()
     requests: Requests = []
     for number, obj in enumerate(objects()):
-        for kind in GRASP_TYPES:
+        for kind in hand.preshapes:
             T = sample_candidates(obj, count, settings(SamplerConfig), np.random.default_rng(number))
             requests.append((obj, kind, T))
             compare(tally, obj, hand, kind, T.numpy(), mujoco)

@@ -1,10 +1,15 @@
 """Outlines of open hands: forks of jaws, and the edges of the fingers of any other hand, by hand (m)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
+from asymmetric import GRIPPERS
 
-from spgf_torch.drawing.outline import edges, fork
+from spgf_torch.drawing.outline import edges, fork, outline, outline_words
+from spgf_torch.drawing.style import TYPE_COLOURS, type_colours
+from spgf_torch.reporting.figures.scenes import hands
 
 
 def box(size: tuple[float, float, float], at: tuple[float, float, float]) -> trimesh.Trimesh:
@@ -45,3 +50,28 @@ def test_an_edge_follows_a_finger_that_bends() -> None:
     assert height[0] == pytest.approx(0, abs=1e-6) and height[-1] == pytest.approx(0.1, abs=1e-6)
     reach = np.array([*found[:, 0, 0], found[-1, 1, 0]])
     np.testing.assert_allclose(reach, 0.01 + 0.03 / 0.05 * np.abs(height - 0.05), atol=1e-5)
+
+
+def test_words_and_colours_for_any_types() -> None:
+    """Jaws are forks, others lines, both if both occur; the paper's types keep their colours, others differ."""
+    jaw, other = GRIPPERS["WPG"], replace(GRIPPERS["NPG"], jaw=False)
+    assert outline_words({"a": jaw}, "their tips").endswith("two fingers that end at their tips.")
+    assert outline_words({"a": other}).startswith("Lines are the open hand")
+    assert outline_words({"a": jaw, "b": other}).count("open hand") == 2
+    colours = type_colours(("NPG", "hook", "sphere", "CG"))
+    assert colours["NPG"] == TYPE_COLOURS["NPG"] and colours["CG"] == TYPE_COLOURS["CG"]
+    assert len({colours[name] for name in ("NPG", "hook", "sphere", "CG")}) == 4
+    assert np.array_equal(outline(jaw, 0.03, 0.02), fork(jaw.width, 0.03, 0.02, jaw.depth))
+    assert len(outline(other, 0.03, 0.02)) == 1 + 2 * 2  # its two fingers, each a spoke and an edge
+
+
+def test_outlines_of_different_hands_stand_in_one_array() -> None:
+    """A fork has four segments, the other hand five: the fork's last finger stands in it twice."""
+    sticks = [fork(0.08, 0.03, 0.02, 0.0), outline(replace(GRIPPERS["NPG"], jaw=False), 0.03, 0.02)]
+    T = np.tile(np.eye(4), (2, 1, 1))
+    T[1, 0, 3] = 0.5
+    placed = hands(T, sticks)
+    assert placed.shape == (2, 5, 2, 3)
+    np.testing.assert_allclose(placed[0], [*sticks[0], sticks[0][-1]])
+    np.testing.assert_allclose(placed[1], sticks[1] + np.array([0.5, 0, 0]))
+    assert hands(T[:0], []).shape == (0, 0, 2, 3)

@@ -225,10 +225,10 @@ def test_a_judge_joins_the_rankings(
     told: list[str] = []
     sweep = find_sweep(load_runs("judged", told.append), 100, 0, told.append)
     context = choose(typed(ReportConfig, composed("report")), sweep, told.append)
-    groups = table1(sweep.rows, sweep.classwise(), context.rankings, context.row)
-    assert "ranking: judge" in [group.heading for group in groups]
+    table = table1(sweep.rows, sweep.classwise(), context.rankings, context.row)
+    assert "ranking: judge" in [group.heading for group in table.groups]
     assert len(predictions_of(context.shown, "judge")) == len(NAMES) and not told
-    assert "knows more than the votes" in table_part(context, groups).section.body
+    assert "knows more than the votes" in table_part(context, table).section.body
 
 
 def test_each_class_by_itself(small: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -390,7 +390,7 @@ def test_held_out_objects_meet_models_that_have_not_seen_them(small: Path, monke
         (["objects=empty"], ["empty", "mesh"]),
         (["objects=large"], ["block.ply", "unit=mm"]),
         (["objects=empty", "model=nowhere"], ["nowhere/model.json"]),
-        (["hand.closing_torque=1"], ["hand"]),
+        (["hand.closing.effort=1"], ["hand"]),
     ],
 )
 def test_evaluate_refuses_bad_input(

@@ -178,6 +178,12 @@ def test_wrong_preshapes_are_told_in_one_line(tmp_path: Path, preshape: dict, me
         load_hand(described(tmp_path, clamp(), preshapes={"wide": preshape}))
 
 
+@pytest.mark.parametrize("name", ["CG", "a b", "../x", ""])
+def test_names_that_files_and_columns_cannot_have(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match="hand.preshapes: expected names of letters, digits, _ and -, not CG"):
+        load_hand(described(tmp_path, clamp(), preshapes={name: {"opening": 0.05}}))
+
+
 def test_drives_from_the_urdf(tmp_path: Path) -> None:
     """40 N of the joints, of which three quarters press; 30 mm in 0.8 s are less than the URDF's 0.1 m/s; the drive
     gives 30 N after 40 ms at that speed."""

@@ -30,7 +30,7 @@ from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.records import Grasp
 from spgf_torch.predict import run as predict
 from spgf_torch.predictor import Predictor
-from spgf_torch.proposing.hand_geometry import closing_region
+from spgf_torch.proposing.closing_region import closing_region
 from spgf_torch.proposing.judge import load_judge
 from spgf_torch.proposing.judge_features import NAMES as NUMBERS
 from spgf_torch.proposing.judge_features import Seen, judge_features

@@ -169,9 +169,9 @@ def test_rows_of_a_pose_are_in_the_clouds_that_admit_it(bench: tuple[Bench, Sear
 
 
 def test_a_round_takes_the_best_and_others(bench: tuple[Bench, Search, JudgeConfig], place: Path) -> None:
-    its, _, made = bench
+    its, search, made = bench
     judge = load_judge(place / "outputs/judge/latest")
-    chosen, again = choose(its, judge, 1, made), choose(its, judge, 1, made)
+    chosen, again = choose(its, judge, 1, made, search), choose(its, judge, 1, made, search)
     assert torch.equal(chosen.poses.T, again.poses.T)
     for cloud, numbers in enumerate(its.numbers):
         of_cloud = chosen.cloud == cloud

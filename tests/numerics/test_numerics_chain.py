@@ -18,7 +18,8 @@ from spgf_torch.errors import InputError
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.spgf import spgf
 from spgf_torch.geometry import se3
-from spgf_torch.proposing.propose import Proposals, Proposer
+from spgf_torch.proposing.proposals import Proposals
+from spgf_torch.proposing.propose import Proposer
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.prototypes.lightning_module import fit_prototypes

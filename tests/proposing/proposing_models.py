@@ -15,7 +15,14 @@ from spgf_torch.settings import plain, settings
 
 AFFORDANCE = settings(AffordanceConfig, reach=0.06, rotation_deg=45, kernel=0, kernel_deg=0, min_support=1)
 CONFIG = settings(
-    ProposingConfig, point_support=1, proposing_features=10, coarse_voters=8, hypotheses=60, survivors=20, refined=5
+    ProposingConfig,
+    point_support=1,
+    proposing_features=10,
+    coarse_voters=8,
+    hypotheses=60,
+    survivors=20,
+    refined=5,
+    probability_weight=0,
 )
 SETTINGS = {"affordance": plain(AFFORDANCE), "features": plain(settings(FeatureConfig))}
 

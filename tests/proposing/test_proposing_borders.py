@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from spgf_torch.proposing.borders import Borders, clear_of_borders
-from spgf_torch.proposing.hand_geometry import ClosingRegion
+from spgf_torch.proposing.closing_region import ClosingRegion
 
 REGION = ClosingRegion(0.03, 0.01, -0.01, 0.01)
 FAR = torch.tensor([[0.0, 0.0, 0.004]])  # a texlet at the TCP that is on no border

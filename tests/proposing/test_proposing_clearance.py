@@ -2,12 +2,10 @@
 
 import pytest
 import torch
-import trimesh
 from proposing_models import VOLUMES, two_fingers
 
-from spgf_torch.affordance.sensed_collision import hand_volume
 from spgf_torch.errors import InputError
-from spgf_torch.proposing.clearance import Clearance, Plane, half_opening, hull_corners
+from spgf_torch.proposing.clearance import Clearance, Plane, hull_corners
 
 DOWN = torch.diag(torch.tensor([1.0, -1, -1, 1]))  # approach straight down
 
@@ -45,8 +43,8 @@ def test_each_type_has_its_own_opening() -> None:
 
 def test_something_to_close_on() -> None:
     """Between the pads are |x| up to half the opening, and 15 mm across and along the approach."""
-    assert [round(1000 * half_opening(VOLUMES[kind]), 3) for kind in ("NPG", "WPG")] == [10, 25]
     clearance, T, both = Clearance(VOLUMES, 0.0, 0.015), torch.eye(4).repeat(2, 1, 1), torch.tensor([0, 1])
+    assert [round(1000 * region.half, 3) for region in clearance.regions] == [10, 25]
     for point, closes in (
         ((0.0, 0.014, -0.014), [True, True]),
         ((0.0, 0.016, 0.0), [False, False]),
@@ -62,13 +60,3 @@ def test_something_to_close_on() -> None:
 def test_a_plane_without_a_unit_normal_is_refused(normal: tuple[float, ...]) -> None:
     with pytest.raises(InputError, match="plane: expected a unit normal"):
         Plane.of(torch.tensor(normal), 0.0)
-
-
-@pytest.mark.parametrize("side", [-1, 1])
-def test_the_nearer_pad_bounds_the_opening(side: int) -> None:
-    """Pads that begin 12 mm to one side of the TCP and 30 mm to the other; a box 5 mm away is beside the axis."""
-    boxes = [trimesh.creation.box((0.01, 0.02, 0.05)) for _ in range(3)]
-    for box, position in zip(boxes, ((-0.017 * side, 0, 0), (0.035 * side, 0, 0), (0.01, 0.03, 0)), strict=True):
-        box.apply_translation(position)
-    assert half_opening(hand_volume(boxes)) == pytest.approx(0.012)
-    assert half_opening(hand_volume(boxes[:0:-1])) == pytest.approx(0.030)

@@ -27,7 +27,7 @@ def generator() -> torch.Generator:
 def test_hypotheses_equal_the_loop(generator: torch.Generator) -> None:
     counts = torch.tensor([2, 0, 3, 1])  # prototype 0: two of NPG, none of WPG; prototype 1: three and one
     start = torch.cat([torch.zeros(1, dtype=torch.long), counts.cumsum(0)])
-    listed = GraspSeeds(start, se3.random_poses(6, generator))
+    listed = GraspSeeds(start, se3.random_poses(6, generator), 2)
     features, prototype = se3.random_poses(5, generator), torch.tensor([1, 0, 0, 1, 0])
     expected, types = [], []
     for T, p in zip(features, prototype.tolist(), strict=True):
@@ -47,7 +47,7 @@ def test_one_feature_and_one_particle_by_hand() -> None:
     quarter = torch.tensor([math.sqrt(0.5), 0, 0, math.sqrt(0.5)])
     T_object_feature = se3.pose(torch.tensor([0.1, 0, 0]), quarter)
     T_feature_grasp = se3.pose(torch.tensor([0.02, 0, 0]), quarter)
-    listed = GraspSeeds(torch.tensor([0, 0, 1]), T_feature_grasp.unsqueeze(0))  # one point of prototype 0, WPG
+    listed = GraspSeeds(torch.tensor([0, 0, 1]), T_feature_grasp.unsqueeze(0), 2)  # one point of prototype 0, WPG
     T, grasp_type = listed.hypotheses(T_object_feature.unsqueeze(0), torch.tensor([0]))
     expected = torch.diag(torch.tensor([-1.0, -1, 1, 1]))
     expected[:2, 3] = torch.tensor([0.1, 0.02])
@@ -59,7 +59,7 @@ def test_grasp_seeds_equals_the_loop(generator: torch.Generator) -> None:
     """Of each partition: points better than the base rate, by gain; each stays unless a better one is near."""
     model = learned(generator)
     config = settings(type(CONFIG), point_support=2, points=4, pool=50)
-    condensed, found = model.condensed, grasp_seeds(model, point_gains(model.condensed, AFFORDANCE), config)
+    condensed, found = model.condensed, grasp_seeds(model, point_gains(model.condensed, AFFORDANCE), config, (2, 2))
     position, quaternion = model.grid.centres(condensed.cell)
     T = se3.pose(position, quaternion)
     some = 0

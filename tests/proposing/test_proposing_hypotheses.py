@@ -6,17 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+import trimesh
 from omegaconf import OmegaConf
 from proposing_models import VOLUMES, two_fingers
 
+from spgf_torch.affordance.sensed_collision import hand_volume
 from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.geometry import se3
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.paths import find
 from spgf_torch.predictor import block
 from spgf_torch.proposing.clearance import Clearance, Plane, Surroundings
+from spgf_torch.proposing.closing_region import closing_region
 from spgf_torch.proposing.config import HypothesesConfig
-from spgf_torch.proposing.hand_geometry import HandGeometry, closing_region
+from spgf_torch.proposing.hand_geometry import HandGeometry
 from spgf_torch.proposing.hypotheses import Search, frames, local, places, profile
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.settings import settings, typed
@@ -68,10 +71,11 @@ def test_no_frames_without_normals_that_agree() -> None:
     assert len(SEARCH.hypotheses(nothing, NOWHERE)) == 0
 
 
-def test_the_profile_equals_a_slow_loop() -> None:
+@pytest.mark.parametrize("middle", [0.0, 0.006])
+def test_the_profile_equals_a_slow_loop(middle: float) -> None:
     generator = torch.Generator().manual_seed(0)
     T, points = se3.random_poses(20, generator, extent=0.02), 0.04 * torch.randn(60, 3, generator=generator)
-    depths, region = torch.tensor([0.02, 0.0, -0.01]), SEARCH.hands[1].region
+    depths, region = torch.tensor([0.02, 0.0, -0.01]), replace(SEARCH.hands[1].region, middle=middle)
     low, high, count = profile(local(T, points), depths, region)
     for f, pose in enumerate(T):
         at = (points - pose[:3, 3]) @ pose[:3, :3]
@@ -80,7 +84,7 @@ def test_the_profile_equals_a_slow_loop() -> None:
                 float(p[0])
                 for p in at
                 if abs(p[1]) < region.height
-                and abs(p[0]) < 1.5 * region.half
+                and abs(p[0] - middle) < 1.5 * region.half
                 and region.low < p[2] - depth < region.high
             ]
             assert count[f, d] == len(x)
@@ -100,6 +104,30 @@ def test_the_three_places_by_hand() -> None:
     assert not places(-0.01 * one, 0.01 * one, (2 * one).long(), hand, CONFIG)[1].any()
     nothing = torch.inf * one
     assert not places(nothing, -nothing, (0 * one).long(), hand, CONFIG)[1].any()
+
+
+def test_the_places_of_a_jaw_that_is_open_to_one_side() -> None:
+    """A fixed face 12 mm at -x and the jaw 30 mm at +x: a thing from -5 to 15 mm goes to 9, or 6 from a face."""
+    region = replace(SEARCH.hands[1].region, half=0.021, middle=0.009)
+    one, hand = torch.ones(1, 1), replace(SEARCH.hands[1], region=region)
+    shift, fits = places(-0.005 * one, 0.015 * one, (5 * one).long(), hand, CONFIG)
+    assert shift.flatten().tolist() == pytest.approx([-0.004, -0.009, 0.001]) and fits.all()
+
+
+def test_three_fingers_are_tried_in_the_middle_alone() -> None:
+    """A thumb at -x against two fingers beside the axis, 40 mm from face to face, about a block of 30 mm."""
+    sides = [((-0.03, -0.02), (-0.008, 0.008)), ((0.02, 0.03), (0.02, 0.034)), ((0.02, 0.03), (-0.034, -0.02))]
+    boxes = [trimesh.creation.box(bounds=[(x[0], y[0], -0.04), (x[1], y[1], 0.01)]) for x, y in sides]
+    hand = hand_volume(boxes, ["thumb", "first", "second"], ({"thumb"}, {"first", "second"}), 1)
+    search = Search.of(Clearance({"cylinder": hand}, 0.005, 0.01, 0.004), CONFIG)
+    one = torch.ones(1, 1)
+    assert places(-0.005 * one, 0.015 * one, one.long() * 5, search.hands[0], CONFIG)[0].flatten().tolist() == (
+        pytest.approx([0.005])
+    )
+    found = search.hypotheses(BLOCK, Surroundings(table=Plane.of((0.0, 0.0, 1.0), -0.015)))
+    assert len(found) > 10 and (found.grasp_type == 0).all()
+    assert search.closes(found.T, found.grasp_type, BLOCK.positions).all()
+    assert search.free(found.T, found.grasp_type, BLOCK.positions, NOWHERE).all()
 
 
 @pytest.mark.parametrize("table", [False, True])

@@ -224,8 +224,8 @@ def test_calibration_keeps_the_order_and_the_product(judge: Judge, tmp_path: Pat
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"format": "spgf_torch model"}, "expected format 'spgf_torch judge', schema 2"),
-        ({"schema": 1}, "expected format 'spgf_torch judge', schema 2"),
+        ({"format": "spgf_torch model"}, "expected format 'spgf_torch judge', schema 3"),
+        ({"schema": 1}, "expected format 'spgf_torch judge', schema 3"),
         ({"numbers": list(NAMES[:-1])}, "expected a judge of this version's 31 numbers"),
         (
             {"forms": dict.fromkeys(("images.free", "images.holds", "bare.free"), "trees")},

@@ -1,6 +1,7 @@
 """The numbers of a hypothesis: each equals a slow loop over points, written from its definition."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,8 @@ from proposing_models import VOLUMES
 from spgf_torch.geometry import se3
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.config import HypothesesConfig
-from spgf_torch.proposing.hypotheses import Hypotheses, Search
-from spgf_torch.proposing.judge_features import GEOMETRY, NAMES, Seen, in_images, judge_features
+from spgf_torch.proposing.hypotheses import Hypotheses, Search, local
+from spgf_torch.proposing.judge_features import GEOMETRY, NAMES, Seen, between_pads, in_images, judge_features
 from spgf_torch.sensing.cameras import Camera, look_at
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.sensing.unseen import DepthView, behind
@@ -143,3 +144,16 @@ def test_fingers_beyond_the_border_of_all_images() -> None:
     hypotheses.T[:6, 0, 3] += 0.2
     assert in_images(seen, hypotheses, SEARCH).tolist() == [False] * 6 + [True] * 6
     assert in_images(Seen(seen.texlets), hypotheses, SEARCH).all()
+
+
+def test_a_region_to_one_side_is_one_in_the_middle_moved() -> None:
+    """Points 7 mm further along closing, between pads whose middle is 7 mm there, have the same numbers."""
+    seen, hypotheses = random_case()
+    hand, T = SEARCH.hands[1], hypotheses.T
+    at, cosine = local(T, seen.texlets.positions), T[:, :3, 0] @ seen.texlets.normals.T
+    aside = replace(hand, region=replace(hand.region, middle=0.007))
+    moved = at + torch.tensor([0.007, 0.0, 0.0])[:, None]
+    expected, found = between_pads(at, cosine, hand), between_pads(moved, cosine, aside)
+    torch.testing.assert_close(found, expected, atol=1e-6, rtol=1e-5)
+    assert not torch.allclose(between_pads(moved, cosine, hand), expected, atol=1e-3)
+    torch.testing.assert_close(aside.sweep, hand.sweep + torch.tensor([0.007, 0.0, 0.0]))

@@ -17,7 +17,8 @@ from spgf_torch.features.spgf import Features
 from spgf_torch.geometry import se3
 from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.proposing.clearance import Plane, Surroundings
-from spgf_torch.proposing.propose import Pool, Proposals, Proposer, Voters
+from spgf_torch.proposing.proposals import Proposals
+from spgf_torch.proposing.propose import Pool, Proposer, Voters
 from spgf_torch.proposing.sampling import same_grasp
 from spgf_torch.sensing.texlets import Texlets
 

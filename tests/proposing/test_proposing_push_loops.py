@@ -5,11 +5,10 @@ import torch
 from proposing_models import VOLUMES
 
 from spgf_torch.geometry import se3
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.predictor import block
 from spgf_torch.proposing.clearance import Clearance, Plane, Surroundings
 from spgf_torch.proposing.config import HypothesesConfig
-from spgf_torch.proposing.hypotheses import PLACES, Search, frames, local, moved, places, profile
+from spgf_torch.proposing.hypotheses import Search, frames, local, moved, places, profile
 from spgf_torch.proposing.push_loops import CELL, ROOM, pieces_of
 from spgf_torch.settings import settings
 
@@ -30,7 +29,7 @@ def slow(code: int, T: torch.Tensor, around: Surroundings) -> list[torch.Tensor]
     free = SEARCH.free(poses, torch.full((len(poses),), code), BLOCK.positions, around)
     where = {key: i for i, key in enumerate(zip(frame.tolist(), place.tolist(), k.tolist(), strict=True)) if free[i]}
     for f in range(len(T)):
-        for p in range(PLACES):
+        for p in range(possible.shape[2]):
             free_at = [depth for depth in range(len(depths)) if (f, p, depth) in where]
             for depth in {*free_at[:1], *(d + CONFIG.back for d in free_at[:1])}.intersection(free_at):
                 found[f, depth, p] = poses[where[f, p, depth]]
@@ -51,7 +50,7 @@ def test_equals_looking_at_every_pose(around: Surroundings) -> None:
     T = frames(BLOCK.positions, BLOCK.normals, CONFIG)
     found = SEARCH.hypotheses(BLOCK, around)
     assert len(found) > 20
-    for code in range(len(GRASP_TYPES)):
+    for code in range(len(VOLUMES)):
         expected = slow(code, T, around)
         assert len(expected) > 5
         torch.testing.assert_close(found.T[found.grasp_type == code], torch.stack(expected), rtol=0, atol=0)
@@ -61,7 +60,7 @@ def test_no_point_of_a_hand_is_in_an_empty_cell() -> None:
     """Points of turned pieces, off by as much as they may be."""
     generator = torch.Generator().manual_seed(0)
     turn = se3.random_poses(1, generator, extent=0.0)[0, :3, :3]
-    volume = VOLUMES[GRASP_TYPES[1]]
+    volume = VOLUMES["WPG"]
     turned = tuple(torch.cat([piece[:, :3] @ turn.T, piece[:, 3:]], dim=1) for piece in volume.planes)
     reach = torch.maximum(volume.low.abs(), volume.high.abs()).norm()
     bounds, planes, ends, cells = pieces_of(type(volume)(turned, -reach.expand(3), reach.expand(3)))
@@ -80,7 +79,7 @@ def test_no_point_of_a_hand_is_in_an_empty_cell() -> None:
 def test_a_height_above_a_table_is_that_of_the_whole_hand() -> None:
     generator = torch.Generator().manual_seed(1)
     T = se3.random_poses(200, generator, extent=0.1)
-    for code, kind in enumerate(GRASP_TYPES):
+    for code, kind in enumerate(VOLUMES):
         least = SEARCH.clearance.least_height(TABLE, T, kind, retreat=0.05)
         expected = SEARCH.clearance.free_of_plane(TABLE, T, torch.full((len(T),), code), retreat=0.05)
         assert 0 < expected.sum() < len(T)

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from spgf_torch.geometry import se3
-from spgf_torch.proposing.sampling import farthest_point_sampling, non_maximum_suppression
+from spgf_torch.proposing.sampling import farthest_point_sampling, non_maximum_suppression, same_grasp
 
 HALF_TURN = torch.diag(torch.tensor([-1.0, -1, 1, 1], dtype=torch.float64))
 
@@ -72,6 +72,44 @@ def test_suppression_by_hand() -> None:
     assert non_maximum_suppression(T, one_type, score, 0.003, 20.0).tolist() == [1, 0, 3]
     assert non_maximum_suppression(T, torch.tensor([0, 1, 0, 1]), score, 0.005, 20.0).tolist() == [1, 0, 3]
     assert non_maximum_suppression(T[:0], one_type[:0], score[:0], 0.005, 20.0).tolist() == []
+
+
+def turn(deg: float) -> torch.Tensor:
+    """(4, 4) f64 about the approach."""
+    half = math.radians(deg) / 2
+    return se3.pose(torch.zeros(3).double(), torch.tensor([math.cos(half), 0, 0, math.sin(half)]).double())
+
+
+@pytest.mark.parametrize("symmetry", [1, 2, 3, 4, 5])
+def test_turns_that_make_the_same_grasp(symmetry: int, generator: torch.Generator) -> None:
+    """Any pose turned by multiples of 360 deg / n is the same grasp, on any side of a displacement and in any frame;
+    turned by 20 deg more or less, or by half such a turn, or about another axis it is not."""
+    poses, frame = se3.random_poses(20, generator).double(), se3.random_poses(1, generator)[0].double()
+    step = 360 / symmetry
+    for k in range(1, symmetry + 1):
+        for T in poses:
+            apart = [turn(k * step), turn(k * step + 20), turn(k * step - 20), turn((k + 0.5) * step)]
+            aside = torch.diag(torch.tensor([1.0, -1, -1, 1]).double())
+            others = frame @ torch.stack([T, *(T @ d for d in apart), T @ turn(k * step) @ aside])
+            found = same_grasp(others, 1e-6, 19.0, symmetry)
+            assert found[0].tolist() == [True, True, False, False, False, False]
+            assert torch.equal(found, found.mT)
+
+
+def test_the_same_grasp_by_two_types(generator: torch.Generator) -> None:
+    """A pinch (2) and a power grasp (1): half a turn of the one is the same pinch, so they are one grasp either way; a
+    quarter is not. A pinch and a sphere (3) are one at each 60 deg; two power grasps half a turn apart are two."""
+    T = se3.random_poses(1, generator)[0].double()
+    for first, second, alike in ((2, 1, {0, 180}), (2, 3, set(range(0, 360, 60))), (1, 1, {0}), (3, 3, {0, 120, 240})):
+        for deg in range(0, 360, 30):
+            both = torch.stack([T, T @ turn(deg)])
+            found = same_grasp(both, 0.001, 10.0, torch.tensor([first, second]))
+            assert bool(found[0, 1]) == bool(found[1, 0]) == (deg in alike)
+    T = torch.eye(4).double().repeat(4, 1, 1)
+    T[1::2] = HALF_TURN
+    group, score, turns = torch.tensor([0, 0, 1, 1]), torch.tensor([0.4, 0.3, 0.2, 0.1]), torch.tensor([2, 2, 1, 1])
+    assert non_maximum_suppression(T, group, score, 0.005, 20.0, turns).tolist() == [0, 2, 3]
+    assert non_maximum_suppression(T, torch.zeros_like(group), score, 0.005, 20.0, turns).tolist() == [0]
 
 
 def test_farthest_point_sampling_equals_the_loop(generator: torch.Generator) -> None:

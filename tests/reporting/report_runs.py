@@ -21,6 +21,7 @@ from spgf_torch.evaluation.results import build_results
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.files.digests import KEY
 from spgf_torch.geometry.se3_grid import SE3Grid
+from spgf_torch.hands.config import grasp_types
 from spgf_torch.settings import plain, typed
 
 ROOT = Path(__file__).parents[2]
@@ -44,12 +45,12 @@ def train_config(K: int, **changes: object) -> TrainConfig:
     return typed(TrainConfig, {**defaults(), "prototypes": prototypes, "K": K, **changes})
 
 
-def predictions(skill: float, seed: int) -> list[Predictions]:
+def predictions(skill: float, seed: int, grasp_types: tuple[str, ...] = ("NPG", "WPG")) -> list[Predictions]:
     """Predictions whose scores follow the outcome as closely as `skill` says."""
-    rng = np.random.default_rng(seed)
+    rng, count = np.random.default_rng(seed), len(grasp_types) * CANDIDATES
     objects = []
     for fold, (name, category) in enumerate(OBJECTS.items()):
-        success = np.random.default_rng(fold).random(2 * CANDIDATES) < 0.4  # the same in every run: one dataset
+        success = np.random.default_rng(fold).random(count) < 0.4  # the same in every run: one dataset
         score = skill * success + rng.normal(0, 1, len(success))
         probability = 1 / (1 + np.exp(-score))
         pose = np.column_stack([rng.normal(0, 0.03, (len(success), 3)), rng.normal(0, 1, (len(success), 4))])
@@ -64,10 +65,10 @@ def predictions(skill: float, seed: int) -> list[Predictions]:
                 probability=probability,
                 votes=np.full(len(success), 7),
                 success=success,
-                grasp_type=np.repeat([0, 1], CANDIDATES),
+                grasp_type=np.repeat(np.arange(len(grasp_types)), CANDIDATES),
                 collides=np.zeros(len(success), dtype=bool),
                 pose=pose,
-                grasp_types=("NPG", "WPG"),
+                grasp_types=grasp_types,
             )
         )
     return objects
@@ -80,17 +81,20 @@ def tiny_model(K: int, config: TrainConfig) -> GraspModel:
     rings[1:, 1, :] = 10, 175
     rings[2:, 0, :9] = 90, 90
     lattice = SE3Grid(0.1, 0.012, 22.5)
-    points = 2 * K * 9
-    cells = torch.randint(lattice.cells, (2 * K, 9), generator=torch.Generator().manual_seed(0)).sort().values.flatten()
+    types = len(grasp_types(config.hand))
+    points = types * K * 9
+    cells = (
+        torch.randint(lattice.cells, (types * K, 9), generator=torch.Generator().manual_seed(0)).sort().values.flatten()
+    )
     condensed = Condensed(
-        torch.arange(2 * K + 1) * 9,
+        torch.arange(types * K + 1) * 9,
         cells,
         torch.linspace(0, 1, points),
         torch.full((points,), 5.0),
-        torch.tensor([0.1, 0.4]),
+        torch.tensor([0.1, 0.4, 0.3][:types]),
     )
     centres = torch.from_numpy(np.radians(rings).reshape(K, -1)).float()
-    return GraspModel(centres, condensed, lattice, Calibration(torch.zeros(2, len(NUMBERS))), plain(config))
+    return GraspModel(centres, condensed, lattice, Calibration(torch.zeros(types, len(NUMBERS))), plain(config))
 
 
 def write_run(
@@ -106,7 +110,7 @@ def write_run(
     folder.mkdir(parents=True)
     config = train_config(K, seed=seed, **changes)
     (folder / "config.yaml").write_text(OmegaConf.to_yaml(OmegaConf.create(plain(config))))
-    objects = predictions(skill, seed + K)
+    objects = predictions(skill, seed + K, grasp_types(config.hand))
     write_per_object(folder / "per_object.csv", objects, config.N)
     write_predictions(folder / "predictions.parquet", objects)
     write_results(folder, {**build_results(objects, config, dataset), "seconds": {"total": 1.0}})

@@ -170,32 +170,6 @@ def test_contact_of_what_is_fixed_to_a_fingers_link_counts(tmp_path: Path) -> No
     assert outcome == "success"
 
 
-def test_phases_close_one_after_the_other(tmp_path: Path) -> None:
-    """The left finger goes to its limit of 20 mm, then the right one to its own of 10, with 0.1 m/s."""
-    preshape = {"open": {"left_joint": 0.05, "right_joint": 0.05}, "oppose": [["left"], ["right"]]}
-    preshape["phases"] = [{"left_joint": -1}, {"right_joint": -1}]
-    urdf = robot(
-        link("left", FINGER[0], "-0.005 0 0.03"),
-        link("right", FINGER[0], "0.005 0 0.03"),
-        joint("left_joint", "left", axis="-1 0 0", limit="0.02 0.05"),
-        joint("right_joint", "right", axis="1 0 0", limit="0.01 0.05"),
-    )
-    free = close_without_object(described(tmp_path, urdf, preshapes={"only": preshape}), "only", EPISODE)
-    left, right = free.joints["left_joint"], free.joints["right_joint"]
-    begins = int(np.argmax(right < 0.0499))
-    assert left[begins] == pytest.approx(0.02, abs=1e-4) and right[0] == pytest.approx(0.05, abs=1e-5)
-    assert free.end == pytest.approx({"left_joint": 0.02, "right_joint": 0.01}, abs=1e-4)
-    assert free.still == pytest.approx(0.3 + 0.4 + 2 * 0.06, abs=0.06) and not free.exploded
-
-
-def test_fingers_meet_and_do_not_pass_each_other(tmp_path: Path) -> None:
-    """Faces meet where the joints' values are 0 together; their limits would let them pass by 20 mm each."""
-    urdf = jaw().replace('lower="0"', 'lower="-0.02"')
-    free = close_without_object(described(tmp_path, urdf, preshapes={"only": jaw_preshape()}), "only", EPISODE)
-    assert sum(free.end.values()) == pytest.approx(0, abs=2e-3)
-    assert max(free.drift.values()) < 1e-6 and free.still == pytest.approx(0.3, abs=0.15)
-
-
 def test_what_overlaps_does_not_jam_or_explode(tmp_path: Path) -> None:
     """A finger that reaches into the palm, and two that overlap in the open hand: all move as if alone.
 

@@ -7,7 +7,6 @@ import pytest
 import torch
 from trial_objects import box, can, cup
 
-from spgf_torch.hands.config import GRASP_TYPES
 from spgf_torch.paths import root
 from spgf_torch.settings import settings
 from spgf_torch.simulation.config import SamplerConfig
@@ -34,7 +33,9 @@ def test_workers_and_order_do_not_matter(trials, tmp_path: Path):
 
 def test_stored_poses_end_as_they_did(trials):
     (table,) = simulate([cup()], trials, settings(SamplerConfig), 30, 1, workers=1)
-    requests = [(cup(), kind, table.T_object_tcp[table.grasp_type == code]) for code, kind in enumerate(GRASP_TYPES)]
+    requests = [
+        (cup(), kind, table.T_object_tcp[table.grasp_type == code]) for code, kind in enumerate(table.grasp_types)
+    ]
     assert torch.equal(torch.cat(list(execute(requests, trials, workers=1))), table.outcome)
 
 
@@ -57,6 +58,6 @@ def test_committed_trials_can_be_had_again(trials):
         assert table.provenance.object_digest == obj.digest and table.provenance.hand_digest == trials.hand.digest
         free = (table.outcome != OUTCOMES.index("collision")).nonzero()[:, 0].tolist()
         for row in lot.sample(free, 4) + lot.sample(range(len(table)), 2):
-            requests.append((obj, GRASP_TYPES[table.grasp_type[row]], table.T_object_tcp[row : row + 1]))
+            requests.append((obj, table.grasp_types[table.grasp_type[row]], table.T_object_tcp[row : row + 1]))
             expected.append(int(table.outcome[row]))
     assert torch.cat(list(execute(requests, trials, workers=1))).tolist() == expected

@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from spgf_torch.errors import InputError
-from spgf_torch.evaluation.success import bootstrap_interval, class_means
+from spgf_torch.evaluation.success import ALL, bootstrap_interval, class_means
 from spgf_torch.files.reading import yaml_values
 from spgf_torch.paths import find, root
 from spgf_torch.reporting.config import CompareConfig
 from spgf_torch.reporting.data.costs import Costs, costs_of
-from spgf_torch.reporting.data.runs import TOGETHER, Block, Bounds, Run, Tell, load_runs, read_per_object
+from spgf_torch.reporting.data.runs import Block, Bounds, Run, Tell, load_runs, read_per_object
 from spgf_torch.reporting.data.seeds import Repeats, per_object, repeated
 from spgf_torch.reporting.data.sweep import SEED, Difference, Settings, difference, flat_settings, flattened
 
@@ -158,7 +158,7 @@ def compare(rows: Mapping[str, Mapping[int, Repeats]], config: CompareConfig, ra
         known = ", ".join(references[trials].by_ranking)
         raise InputError(f"ranking: expected one of {known}; got {ranking}")
     entries = _entries(rows, config, ranking, tell)
-    at_trials = {entry.name: entry.rates["all"][TOGETHER] for entry in entries if entry.trials == trials}
+    at_trials = {entry.name: entry.rates["all"][ALL] for entry in entries if entry.trials == trials}
     entries.sort(key=lambda e: (e.name != config.reference, -at_trials.get(e.name, 0.0), e.name, e.trials))
     chance, bounds = _chance(references[trials], config)
     return Comparison(ranking, config.reference, trials, tuple(entries), chance, bounds, references[trials].ceiling)

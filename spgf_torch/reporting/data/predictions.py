@@ -9,8 +9,9 @@ import numpy as np
 from spgf_torch.affordance.config import NESTED
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.predictions import Predictions, read_predictions
+from spgf_torch.evaluation.success import ALL
 from spgf_torch.objects.config import CLASSES
-from spgf_torch.reporting.data.runs import TOGETHER, Run
+from spgf_torch.reporting.data.runs import Run
 
 
 def predictions_of(run: Run, ranking: str) -> list[Predictions]:
@@ -46,8 +47,7 @@ def precision_at(objects: Sequence[Predictions], ranking: str, types: Sequence[s
 def ceilings_at(objects: Sequence[Predictions], types: Sequence[str], most: int) -> np.ndarray:
     """(objects, types, most) float: what the best N by outcome would give; `types` are the grasp types and CG."""
     successes = [
-        [o.success[(o.grasp_type == code) | (name == TOGETHER)].sum() for code, name in enumerate(types)]
-        for o in objects
+        [o.success[(o.grasp_type == code) | (name == ALL)].sum() for code, name in enumerate(types)] for o in objects
     ]
     n = np.arange(1, most + 1)
     return np.minimum(np.asarray(successes)[..., None], n) / n

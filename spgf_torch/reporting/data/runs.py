@@ -15,7 +15,7 @@ from spgf_torch.errors import InputError, one_line
 from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.files import FILES
 from spgf_torch.evaluation.results import read_results
-from spgf_torch.evaluation.success import Rates
+from spgf_torch.evaluation.success import ALL, Rates
 from spgf_torch.files.checks import name as checked_name
 from spgf_torch.files.checks import number
 from spgf_torch.files.digests import digest_of
@@ -46,7 +46,6 @@ class Notes:
 
 # What the report needs of a run's settings; the learned baseline's have no features.
 _PICTURED = {"objects": str, "sensing": dict, "features": dict, "hand": dict}
-TOGETHER = "CG"  # all grasp types in one ranking
 FEW = 3  # runs of other data that are told by name
 MOST = 2**53  # of counts and seeds: beyond it JSON's numbers are not exact
 
@@ -92,7 +91,7 @@ class Run:
     @property
     def types(self) -> tuple[str, ...]:
         """What rates are of: each grasp type, and CG."""
-        return (*self.grasp_types, TOGETHER)
+        return (*self.grasp_types, ALL)
 
     @property
     def of_papers_hand(self) -> bool:
@@ -295,7 +294,7 @@ def _random(content: Mapping[str, Mapping[str, float]]) -> Block:
     block = _block(content)
     for name in block["all"]:
         checked_name(name, "random.all")
-    if not block["all"] or TOGETHER in block["all"]:
+    if not block["all"] or ALL in block["all"]:
         raise ValueError(f"rates of random candidates of {', '.join(block['all']) or 'no type'}")
     return block
 
@@ -304,7 +303,7 @@ def _check_rates(results: Mapping[str, Any]) -> None:
     """Raises ValueError where a ranking lacks a rate or an interval of a class that occurs."""
     rates, intervals = results["by_ranking"], results["interval95_by_ranking"]
     single = sorted(_random(results["random"])["all"])
-    every = [*single, TOGETHER]
+    every = [*single, ALL]
     for key, kinds in (("random", single), ("random_collision_free", single), ("ceiling", every)):
         if missing := [name for block in rates.values() for name in block if {*kinds} - {*results[key].get(name, ())}]:
             raise ValueError(f"no {key} of {str(missing[0])[:40]}")

@@ -10,8 +10,9 @@ import numpy as np
 
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.seeds import interval_over_seeds, mean_over_seeds
+from spgf_torch.evaluation.success import ALL
 from spgf_torch.objects.config import CLASSES
-from spgf_torch.reporting.data.runs import TOGETHER, Block, Bounds, ObjectRow, Run, Tell, read_per_object
+from spgf_torch.reporting.data.runs import Block, Bounds, ObjectRow, Run, Tell, read_per_object
 
 OfSeeds = Mapping[Any, Sequence[ObjectRow]]  # seed -> the rates of each object
 
@@ -66,7 +67,7 @@ class Repeats:
         """When the newest was started."""
         return max(run.stamp for run in self.runs)
 
-    def rate(self, ranking: str, name: str = "all", kind: str = TOGETHER) -> float:
+    def rate(self, ranking: str, name: str = "all", kind: str = ALL) -> float:
         return self.by_ranking[ranking][name][kind]
 
 

@@ -17,7 +17,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from spgf_torch.drawing.style import CEILING, CHANCE, LETTERS, PAPER, scale, type_colours
 from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.reliability import PREDICTORS, Reliability
-from spgf_torch.reporting.data.runs import TOGETHER
+from spgf_torch.evaluation.success import ALL
 from spgf_torch.reporting.data.seeds import Repeats
 from spgf_torch.reporting.pages.table1 import HEADINGS, NAMES
 
@@ -74,7 +74,7 @@ def success_over_k(rows: Sequence[Repeats], ranking: str, beside: str | None = N
         if beside is not None:
             rates = [100 * row.rate(beside, name, kind) for row in other]
             axis.plot([row.K for row in other], rates, **BESIDE, color=colour)
-        if kind != TOGETHER:
+        if kind != ALL:
             axis.axhline(100 * last.random[name][kind], color=CHANCE, linestyle=(0, (4, 3)), linewidth=1)
         axis.axhline(100 * last.ceiling[name][kind], color=CEILING, linestyle=":", linewidth=1.2)
         axis.set_xticks(sorted({*K, *printed}))
@@ -107,13 +107,11 @@ def success_over_reach(curves: Mapping[float, Sequence[Repeats]], rankings: Sequ
         figure.subplots_adjust(0.09, 0.09, 0.985, 0.89, wspace=0.08, hspace=0.1)
         axes = figure.subplots(len(SHOWN_CLASSES), len(rankings), sharex=True, sharey=True, squeeze=False)
         for (i, name), (j, ranking) in product(enumerate(SHOWN_CLASSES), enumerate(rankings)):
-            axis, theirs = axes[i, j], [paper.SUCCESS_RATE[k][name][TOGETHER] for k in printed]
+            axis, theirs = axes[i, j], [paper.SUCCESS_RATE[k][name][ALL] for k in printed]
             if j == 0 and printed:
                 axis.plot(printed, theirs, **PRINTED)
             for reach, rows in curves.items():
-                _banded(
-                    axis, [row for row in rows if ranking in row.by_ranking], ranking, name, TOGETHER, colours[reach]
-                )
+                _banded(axis, [row for row in rows if ranking in row.by_ranking], ranking, name, ALL, colours[reach])
             axis.set(ylim=(0, 103), xticks=ks)
             if i == 0:
                 axis.set_title(HEADINGS.get(ranking, ranking), fontweight="bold")
@@ -157,7 +155,7 @@ def precision_at_n(curves: Precision, n: int, random: Mapping[str, Mapping[str, 
             axis.plot(N, 100 * curves.beside[name][j], color=colour, linestyle=(0, (1, 1)), linewidth=1.4)
         axis.fill_between(N, low, high, color=colour, alpha=0.18, linewidth=0)
         axis.plot(N, mean, color=colour, linewidth=1.8)
-        if kind != TOGETHER:
+        if kind != ALL:
             axis.axhline(100 * random[name][kind], color=CHANCE, linestyle=(0, (4, 3)), linewidth=1)
         axis.set_xlim(1, most)
         axis.set_xticks([n, most // 2, most] if most > 2 * n else [1, most])

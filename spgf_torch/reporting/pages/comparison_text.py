@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from rich import box
 from rich.table import Table
 
+from spgf_torch.evaluation.success import ALL
 from spgf_torch.reporting.data.comparison import Comparison, Entry
 from spgf_torch.reporting.data.costs import Costs
-from spgf_torch.reporting.data.runs import TOGETHER
 from spgf_torch.reporting.pages.ablations import points
 from spgf_torch.reporting.pages.table1 import NAMES, columns
 
@@ -52,8 +52,8 @@ def verdict(entries: Sequence[Entry], reference: str, name: str, kind: str) -> s
 def verdicts(comparison: Comparison) -> list[str]:
     """The verdict on CG of all objects and of each class and on each type, then for all objects by trials."""
     table = comparison.table
-    wanted = [("all", TOGETHER), *((name, TOGETHER) for name in NAMES if name != "all")]
-    wanted += [("all", kind) for kind in comparison.types if kind != TOGETHER]
+    wanted = [("all", ALL), *((name, ALL) for name in NAMES if name != "all")]
+    wanted += [("all", kind) for kind in comparison.types if kind != ALL]
     lines = [verdict(table, comparison.reference, *column) for column in wanted if column[0] in table[0].rates]
     for trials in sorted({entry.trials for entry in comparison.entries} - {comparison.trials}):
         entries = [entry for entry in comparison.entries if entry.trials == trials]
@@ -127,7 +127,7 @@ def terminal(comparisons: Sequence[Comparison]) -> list[Table | str]:
         f"Success-rate (%) by {comparison.ranking}, {comparison.trials} trials of each type an object"
     )
     names = [name for name in NAMES if name in comparison.table[0].rates]
-    singles = [kind for kind in comparison.types if kind != TOGETHER]
+    singles = [kind for kind in comparison.types if kind != ALL]
     for head in [
         "",
         *(f"{name}\nCG" for name in names),
@@ -136,11 +136,11 @@ def terminal(comparisons: Sequence[Comparison]) -> list[Table | str]:
     ]:
         rates.add_column(head, justify="right" if head else "left", no_wrap=True)
     for entry in comparison.table:
-        cells = [_rate(entry, name, TOGETHER, bounds=name == "all") for name in names]
+        cells = [_rate(entry, name, ALL, bounds=name == "all") for name in names]
         cells += [_rate(entry, "all", kind, bounds=False) for kind in singles]
-        rates.add_row(entry.name, *cells, _change(entry, "all", TOGETHER))
+        rates.add_row(entry.name, *cells, _change(entry, "all", ALL))
     for label, block in (("random", comparison.random), ("ceiling", comparison.ceiling)):
-        cells = [f"{100 * block[name][TOGETHER]:.1f}" for name in names]
+        cells = [f"{100 * block[name][ALL]:.1f}" for name in names]
         rates.add_row(label, *cells, *(f"{100 * block['all'][kind]:.1f}" for kind in singles), "")
     spent = _terminal_table("Costs")
     for head in ("", *COSTS):
@@ -167,7 +167,7 @@ def _rates_table(comparison: Comparison) -> str:
     across = [(name, kind) for name, kind in columns(comparison.types) if name in comparison.table[0].rates]
     head = ["", *(f"{name} {kind}" for name, kind in across), f"all CG minus {comparison.reference}"]
     rows = [
-        [entry.name, *(_rate(entry, *column) for column in across), _change(entry, "all", TOGETHER)]
+        [entry.name, *(_rate(entry, *column) for column in across), _change(entry, "all", ALL)]
         for entry in comparison.table
     ]
     for label, block in (("random candidate", comparison.random), ("ceiling", comparison.ceiling)):
@@ -180,8 +180,8 @@ def _curve_table(comparison: Comparison) -> str:
     rows = []
     for name in dict.fromkeys(entry.name for entry in comparison.entries):
         found = {entry.trials: entry for entry in comparison.curve(name)}
-        cells = [_rate(found[n], "all", TOGETHER) if n in found else "-" for n in trials]
-        changes = [_change(found[n], "all", TOGETHER) if n in found else "-" for n in trials]
+        cells = [_rate(found[n], "all", ALL) if n in found else "-" for n in trials]
+        changes = [_change(found[n], "all", ALL) if n in found else "-" for n in trials]
         rows.append([name, *cells])
         if any(change for change in changes):
             rows.append([f"{name} minus {comparison.reference}", *changes])

@@ -11,6 +11,7 @@ from spgf_torch.drawing.outline import outline_words
 from spgf_torch.drawing.page import Section, caption, chart, drawn, picture, png, table, turning
 from spgf_torch.evaluation.predictions import Predictions
 from spgf_torch.evaluation.reliability import BINS, Reliability, predicted, reliability, score_table
+from spgf_torch.evaluation.success import ALL
 from spgf_torch.hands.records import Gripper
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.reporting.data.predictions import (
@@ -19,7 +20,6 @@ from spgf_torch.reporting.data.predictions import (
     mean_curves,
     precision_at,
 )
-from spgf_torch.reporting.data.runs import TOGETHER
 from spgf_torch.reporting.figures.charts import FEW, Precision, precision_at_n, reliability_diagram
 from spgf_torch.reporting.figures.learned import deep_outline
 from spgf_torch.reporting.figures.scenes import Held, worst
@@ -86,7 +86,7 @@ def worst_part(
 ) -> Part:
     """The objects with the fewest successes among their highest-ranked grasps, pictured."""
     n = context.shown.N
-    tops = [(o, o.ranked(context.ranking, TOGETHER, n)) for o in objects]
+    tops = [(o, o.ranked(context.ranking, ALL, n)) for o in objects]
     failing = [(o, top) for o, top in tops if not o.success[top].all()]
     failing.sort(key=lambda pair: (pair[0].success[pair[1]].mean(), pair[0].name))
     if absent := [o.name for o, _ in failing if o.name not in library]:

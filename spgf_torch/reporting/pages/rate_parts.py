@@ -10,8 +10,9 @@ from spgf_torch.affordance.config import JUDGE, NESTED
 from spgf_torch.drawing.page import Section, caption, chart, drawn, png, table
 from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.results import KNOWS_MORE
+from spgf_torch.evaluation.success import ALL
 from spgf_torch.objects.config import CLASSES
-from spgf_torch.reporting.data.runs import TOGETHER, Block, Run
+from spgf_torch.reporting.data.runs import Block, Run
 from spgf_torch.reporting.data.seeds import Repeats, seed_words
 from spgf_torch.reporting.figures.charts import success_over_k
 from spgf_torch.reporting.pages.ablations import (
@@ -176,7 +177,7 @@ def ablation_part(context: Context) -> Part | None:
 
 def _card(row: Repeats, ranking: str) -> tuple[str, str]:
     """CG of all objects by a ranking, with its interval and what it is of."""
-    low, high = row.interval95[ranking]["all"][TOGETHER]
+    low, high = row.interval95[ranking]["all"][ALL]
     name = {PAPERS: "the paper's ranking", NESTED: "our ranking, which knows sensed collisions"}.get(ranking, ranking)
     seeds = seed_words(len(row.seeds[ranking]))
     words = (

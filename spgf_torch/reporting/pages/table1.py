@@ -15,8 +15,9 @@ from rich.text import Text
 from spgf_torch.affordance.config import NESTED
 from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.results import KNOWS_MORE
+from spgf_torch.evaluation.success import ALL
 from spgf_torch.objects.config import CLASSES
-from spgf_torch.reporting.data.runs import TOGETHER, Block, Bounds
+from spgf_torch.reporting.data.runs import Block, Bounds
 from spgf_torch.reporting.data.seeds import Repeats, seed_words
 from spgf_torch.reporting.data.sweep import NOMINAL_K
 
@@ -78,7 +79,7 @@ class Table1:
     @property
     def short(self) -> list[tuple[str, str]]:
         """The same of the short form."""
-        return [*((name, TOGETHER) for name in CLASSES), *(("all", kind) for kind in self.types)]
+        return [*((name, ALL) for name in CLASSES), *(("all", kind) for kind in self.types)]
 
     @property
     def rankings(self) -> tuple[Group, ...]:
@@ -276,7 +277,7 @@ def _fractions(percent: Mapping[str, Mapping[str, float]]) -> Block:
 
 
 def _without_cg(block: Block) -> Block:
-    return {name: {kind: rate for kind, rate in row.items() if kind != TOGETHER} for name, row in block.items()}
+    return {name: {kind: rate for kind, rate in row.items() if kind != ALL} for name, row in block.items()}
 
 
 def _line(cells: Sequence[str]) -> str:

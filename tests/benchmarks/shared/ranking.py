@@ -13,7 +13,7 @@ from shared.contact_graspnet import ContactGraspNet, raw_cloud
 from shared.harness import Report, threads
 from spgf_torch.affordance.model import load_model
 from spgf_torch.experiment.labelled_grasps import open_hand
-from spgf_torch.hands.config import GRASP_TYPES, HandConfig
+from spgf_torch.hands.config import HandConfig
 from spgf_torch.judging.clouds import Cloud
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find
@@ -30,7 +30,7 @@ from spgf_torch.settings import settings, typed
 
 JUDGE, NETWORK, FREE = "judge", "Contact-GraspNet", "Contact-GraspNet, free"
 SCORES = ("antipodal", "random")  # which rank by no probability
-WIDE = GRASP_TYPES.index("WPG")  # the network's hand is open to its whole stroke
+WIDE = ("NPG", "WPG").index("WPG")  # the network's hand is open to its whole stroke
 Method = Callable[[Cloud], Ranked]
 
 

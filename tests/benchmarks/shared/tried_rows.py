@@ -14,7 +14,7 @@ from spgf_torch.cache import Cache
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.experiment.labelled_grasps import open_hand, tables_of
 from spgf_torch.files.reading import yaml_values
-from spgf_torch.hands.config import GRASP_TYPES
+from spgf_torch.hands.config import grasp_types
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.judging.clouds import training_clouds
 from spgf_torch.judging.config import JudgeConfig
@@ -68,7 +68,7 @@ class Tried:
         """Object -> the outcomes (M,) int64 of its poses, kept in the cache."""
         requests, where = [], []
         for index, its in poses.items():
-            for code, kind in enumerate(GRASP_TYPES):
+            for code, kind in enumerate(grasp_types(self.trials.hand.config)):
                 if len(which := (its.grasp_type == code).nonzero()[:, 0]):
                     requests.append((self.benches[index].obj, kind, its.T[which]))
                     where.append((index, which))
@@ -143,7 +143,7 @@ def _ended(made: Tried, chosen: Sequence[Chosen], number: int) -> dict[int, Tens
 
 def _first(table: TrialTable, config: JudgeConfig) -> Tensor:
     """Indices of a table's first trials of each type."""
-    of_type = [(table.grasp_type == code).nonzero()[: config.candidates, 0] for code in range(len(GRASP_TYPES))]
+    of_type = [(table.grasp_type == code).nonzero()[: config.candidates, 0] for code in range(len(table.grasp_types))]
     return torch.cat(of_type)
 
 
