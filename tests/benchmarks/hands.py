@@ -1,9 +1,10 @@
 """Hands from their descriptions to trained models: CG by cross-validation, random candidates beside, and what it costs.
 
-    python tests/benchmarks/hands.py rates [HAND=CANDIDATES ...] [workers=1]  # HAND: of conf/hand, or a description's path
-    python tests/benchmarks/hands.py wide                                     # objects that no pinch of the SDH-2 can hold
-    python tests/benchmarks/hands.py learn [HAND=CANDIDATES ...]              # time from description to model, judge included
+    python tests/benchmarks/hands.py rates [HAND=CANDIDATES ...] [workers=1]
+    python tests/benchmarks/hands.py wide                         # objects that no pinch of the SDH-2 can hold
+    python tests/benchmarks/hands.py learn [HAND=CANDIDATES ...]  # time from description to model, judge included
 
+HAND is one of conf/hand, or the path of a description; CANDIDATES are of each type, on each object.
 Each step is a command of the package, run as a user runs it; what it left in outputs/hands is kept and goes on. The
 tables that it prints are those of docs/hands.md. `rates` takes the trials on the 50 objects, 20 prototypes, seed 0.
 """
