@@ -98,7 +98,8 @@ class Motion:
     def hinged(self) -> bool:
         """Whether a joint joins opposing groups, as a single jaw and the palm, whose shapes are then never apart."""
         robot = self.kinematics.robot
-        body_of, side = robot.bodies(), {}
+        body_of = robot.bodies()
+        side: dict[str, int] = {}
         for index, shapes in enumerate(self.shape_groups):
             side |= {body_of[link]: index for shape in shapes for link in shape.points}
         pairs = [(body_of[joint.parent], body_of[joint.child]) for joint in robot.joints if joint.moves]
