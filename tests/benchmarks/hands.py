@@ -1,9 +1,10 @@
 """Hands from their descriptions to trained models: CG by cross-validation, random candidates beside, and what it costs.
 
-    python tests/benchmarks/hands.py rates [HAND=CANDIDATES ...]     # HAND: of conf/hand, or a description's path
-    python tests/benchmarks/hands.py wide                            # objects that no pinch of the SDH-2 can hold
-    python tests/benchmarks/hands.py learn [HAND=CANDIDATES ...]     # time from description to model, judge included
+    python tests/benchmarks/hands.py rates [HAND=CANDIDATES ...] [workers=1]
+    python tests/benchmarks/hands.py wide                         # objects that no pinch of the SDH-2 can hold
+    python tests/benchmarks/hands.py learn [HAND=CANDIDATES ...]  # time from description to model, judge included
 
+HAND is one of conf/hand, or the path of a description; CANDIDATES are of each type, on each object.
 Each step is a command of the package, run as a user runs it; what it left in outputs/hands is kept and goes on. The
 tables that it prints are those of docs/hands.md. `rates` takes the trials on the 50 objects, 20 prototypes, seed 0.
 """
@@ -23,15 +24,16 @@ DESCRIPTIONS = BENCHMARKS.parent / "hands/descriptions"
 WIDE = BENCHMARKS / "wide_objects"
 ALL_FINGERS, PINCHES = "sdh2_fingers", "sdh2"
 # Candidates of each type on each object. More where few are free, so that an object has ten that hold.
-JAWS = dict.fromkeys(("panda", "robotiq_2f", "so101"), 300)
-RATES = {PINCHES: 100, ALL_FINGERS: 100, **JAWS, "robotiq_3f": 100}
-PUBLIC = {"robotiq_3f": 60, "barrett": 60, "allegro": 60, "sdh_ipa": 60}
+JAWS = dict.fromkeys(("panda", "robotiq_2f", "so101"), 100)
+RATES = {PINCHES: 40, ALL_FINGERS: 40, **JAWS, "robotiq_3f": 40}
+PUBLIC = {"robotiq_3f": 40, "barrett": 40, "allegro": 40, "sdh_ipa": 40}
+WORKERS = [argument for argument in sys.argv[1:] if argument.startswith("workers=")]
 LEARN = {"panda": 50, "robotiq_2f": 50, "so101": 50, "robotiq_3f": 25, ALL_FINGERS: 10}
 
 
 def run(command: str, *keys: str) -> None:
     """A command of the package, its output shown where it fails."""
-    call = [sys.executable, "-m", f"spgf_torch.{command}", *keys]
+    call = [sys.executable, "-m", f"spgf_torch.{command}", *keys, *WORKERS]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
     if done.returncode:
         sys.exit(f"{' '.join(call[1:])}\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
@@ -44,8 +46,8 @@ def label(hand: str) -> str:
 def trained(hand: str, candidates: int) -> Path:
     """The folder of a model of the hand, made where it is not there."""
     folder = FOLDER / ("public_" * hand.endswith(".yaml") + label(hand))
-    run("simulate", f"hand={hand}", f"candidates={candidates}", f"out={folder}/trials", f"hydra.run.dir={folder}/run")
     if not (folder / "model/results.json").is_file():
+        run("simulate", f"hand={hand}", f"candidates={candidates}", f"out={folder}/trials")
         run("train", f"hand={hand}", f"trials={folder}/trials", "+K=20", f"hydra.run.dir={folder}/model")
     return folder / "model"
 
@@ -102,13 +104,13 @@ def learn(hands: dict[str, int]) -> None:
 
 def main() -> None:
     part, *given = sys.argv[1:] or ["rates"]
-    asked = {hand: int(count) for hand, count in (argument.split("=") for argument in given)}
+    asked = {hand: int(count) for hand, count in (each.split("=") for each in given if each not in WORKERS)}
     if part == "wide":
         wide()
     elif part == "learn":
         learn(asked or LEARN)
     else:
-        public = {str(path): PUBLIC.get(path.stem, 300) for path in sorted(DESCRIPTIONS.glob("*.yaml"))}
+        public = {str(path): PUBLIC.get(path.stem, 100) for path in sorted(DESCRIPTIONS.glob("*.yaml"))}
         rates(asked or {**RATES, **public})
 
 
