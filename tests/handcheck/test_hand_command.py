@@ -70,6 +70,7 @@ def test_a_bare_urdf_is_described_drawn_and_checked(place: Path, capsys: pytest.
     Path("jaw.urdf").write_bytes((ROOT / "data/hands/panda.urdf").read_bytes())
     run(settings("hand=jaw.urdf", "page=false", "simulate=false"), place)
     written = read_description(place / "jaw.yaml")
+    assert "panda_leftfinger" in (place / "config.yaml").read_text()
     assert written.urdf == str(place / "jaw.urdf") and sorted(written.preshapes) == ["narrow", "wide"]
     assert (place / "hand.png").is_file() and not (place / "hand.html").exists()
     assert "# Proposed by" in (said := capsys.readouterr().out) and "stays open" not in said
@@ -83,6 +84,7 @@ def test_a_wrong_hand_leaves_its_picture_one_line_and_status_2(place: Path) -> N
     assert line.startswith(
         "hand: hand panda: pad on its link of NPG: expected 1 mm at most, got 4.00 mm off the surface"
     )
+    assert line.endswith("; 3 more, the table has all")
     assert done.stdout.count("FAILS") == 4 and "stays open" not in done.stdout  # a wrong hand is not simulated
     (folder,) = (path for path in (place / "outputs/hand").iterdir() if path.name != "latest")
     assert (folder / "hand.png").is_file()
