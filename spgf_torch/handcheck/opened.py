@@ -19,10 +19,8 @@ OFF_SURFACE = 0.001  # m between a pad and the surface of its link: what a clear
 OFF_OPENING = 0.001  # m; the same of each half of an opening
 ONE_SIDED = 0.25  # of the opening, where one jaw alone turns: its face leans, and its pad runs on a circle
 TILT_DEG, ONE_SIDED_DEG = 5.0, 33.0  # deg of the line between two pads against the plane across the approach; the same
-FACING_DEG = 30.0  # deg between a pad's face and the direction it closes in, of a jaw: half of what friction 0.6 holds
-ONE_SIDED_FACING_DEG = (
-    65.0  # deg of a jaw that turns alone; what opens by more squeezes things out (conf/hand/so101.yaml)
-)
+FACING_DEG = 30.0  # deg between a pad's face and the direction it closes in, of a jaw: friction 0.6 holds up to 31
+ONE_SIDED_FACING_DEG = 65.0  # deg of a jaw that turns alone; wider, it squeezes things out (conf/hand/so101.yaml)
 SPREAD_DEG = 75.0  # deg of the same for fingers that curl, whose faces turn while they close
 LEAST_ROOM = 0.003  # m between the TCP and the nearest shape: half the thinnest opening that makes sense
 OFF_MIDDLE = 0.25  # of the opening that the TCP may lie beside the middle of the pads
