@@ -17,12 +17,13 @@ from spgf_torch.cli.command import _config, slug
 from spgf_torch.cli.command_line import translated
 from spgf_torch.errors import InputError
 from spgf_torch.hand import run
+from spgf_torch.handcheck.check import check_hand
 from spgf_torch.handcheck.config import HandCheckConfig
 from spgf_torch.handcheck.finding import failed
 from spgf_torch.handcheck.hand_picture import hand_picture
 from spgf_torch.handcheck.posed import Posed
 from spgf_torch.handcheck.standing import simulated_findings, tried_hand
-from spgf_torch.hands.description_file import read_description
+from spgf_torch.hands.description_file import load_hand_file, read_description
 from spgf_torch.simulation.config import EpisodeConfig
 
 PANDA = Wrong("", "panda", "")
@@ -113,10 +114,11 @@ def test_a_drive_that_cannot_is_refused_before_any_trial(place: Path) -> None:
         tried_hand(read_description("hand.yaml"), EpisodeConfig())
 
 
-@pytest.mark.parametrize("hand", [PANDA, Wrong("", "sdh2", "", change=three_fingers(0.5))], ids=["panda", "three"])
-def test_right_hands_pass_in_simulation(hand: Wrong, place: Path) -> None:
-    findings = list(simulated_findings(load(place, hand), EpisodeConfig()))
-    assert findings and [finding.line() for finding in failed(findings)] == []
+@pytest.mark.parametrize("name", sorted(path.stem for path in (ROOT / "conf/hand").glob("*.yaml")))
+def test_every_shipped_hand_passes_every_check(name: str) -> None:
+    hand = load_hand_file(f"conf/hand/{name}.yaml")
+    findings = [*check_hand(hand), *simulated_findings(hand, EpisodeConfig())]
+    assert len(findings) > 10 and [finding.line() for finding in failed(findings)] == []
 
 
 def test_a_picture_has_a_row_a_preshape_in_the_colours_of_its_groups(place: Path) -> None:
