@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -144,11 +145,25 @@ def fail(command: str, error: Exception) -> NoReturn:
     if "hydra/launcher/" in str(error):
         lines.append(f"(joblib, slurm and submitit_local: {install('sweep')})")
     words = [line for line in lines if line and not line.startswith(("full_key:", "object_type=", "reference_type"))]
-    line = one_line(" ".join(words))
+    line = _no_option(" ".join(words)) or one_line(" ".join(words))
     for alias, name in ALIASES.items():  # as it was given
         line = re.sub(rf"^{name}(?=: )", alias, line)
     print(f"{command}: {line}", file=sys.stderr)
     sys.exit(2)
+
+
+def _no_option(words: str) -> str:
+    """Hydra's words for an option that a group of conf/ has not, in ours; empty for any others."""
+    found = re.search(
+        r"Could not find '([^']+)/([^/']*)' Available options in '[^']*': (.*?) ?Config search path", words
+    )
+    if not found:
+        return ""
+    group, got, options = found[1], found[2], found[3].split()
+    near = get_close_matches(got, options, 1)
+    file = ", or a description (FILE.yaml)" if group == "hand" else ""
+    hint = f"; did you mean {near[0]}?" if near else ""
+    return f"{group}: expected one of {', '.join(options)}{file}; got {got or 'none'}{hint}"
 
 
 def slug(overrides: str) -> str:

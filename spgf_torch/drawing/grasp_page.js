@@ -39,9 +39,11 @@ addEventListener("DOMContentLoaded", () => {
 
   function traces() {
     const chosen = list.selectedIndex - 1; // -1: all of them
-    const faded = (trace, i) => ({ ...trace, opacity: chosen < 0 || i === chosen ? 1 : 0.18 });
+    // The chosen hand is solid: its own outline would stay open while it closes.
+    const faded = (trace, i) => ({ ...trace, visible: i !== chosen, opacity: chosen < 0 ? 1 : 0.1 });
+    const ranks = { ...numbers, visible: chosen < 0 };
     const extra = chosen < 0 ? [] : [hand(hands[chosen], Number(slider.value)), approaches[chosen]];
-    return [cloud, ...outlines.map(faded), numbers, bar, ...extra];
+    return [cloud, ...outlines.map(faded), ranks, bar, ...extra];
   }
   function draw() {
     rows.forEach((row, i) => row.classList.toggle("shown", i === list.selectedIndex - 1));

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 from torch import Tensor
 
@@ -18,6 +19,9 @@ from spgf_torch.experiment.describe import Describer
 from spgf_torch.experiment.described_object import DescribedObject
 from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.features.config import FeatureConfig
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import load_hand
+from spgf_torch.paths import find
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.propose import Proposer
 from spgf_torch.prototypes.kmeans import assign
@@ -53,11 +57,23 @@ def loaded_model(model: GraspModel, config: EvaluateConfig) -> LoadedModel:
 
     Raises InputError where the model was learned with another hand: its grasps would mean something else.
     """
-    if model.settings.get("hand") != plain(config.hand):
-        learned = model.settings.get("hand", {}).get("name")
-        raise InputError(f"{config.model}: expected a model learned with this hand ({config.hand.name}), got {learned}")
+    if not _same_hand(model.settings["hand"], config.hand):
+        learned = model.settings["hand"]["name"]
+        got = f"one of {learned}" if learned != config.hand.name else "one of another URDF or description of it"
+        raise InputError(f"{config.model}: expected a model learned with this hand ({config.hand.name}), got {got}")
     affordance = typed(AffordanceConfig, model.settings["affordance"])
     features = typed(FeatureConfig, model.settings["features"])
     volumes, cache = open_hand(config.hand), Cache.open(config.cache, config.cache_gb)
     describer = Describer(config.sensing, features, affordance, volumes, config.seed, config.device, cache)
     return LoadedModel(model, describer, config.proposing)
+
+
+def _same_hand(learned: dict[str, Any], config: HandConfig) -> bool:
+    """Whether a model's hand is the one of the settings, wherever its files lie now."""
+    ours = plain(config)
+    if learned == ours:
+        return True
+    if any(learned.get(key) != ours[key] for key in ours if key not in ("urdf", "packages")):
+        return False
+    there = find(learned["urdf"]).is_file()  # else its description is all that is left of it
+    return not there or load_hand(typed(HandConfig, learned)).digest == load_hand(config).digest

@@ -105,6 +105,16 @@ class _BoundedLoader(yaml.SafeLoader):
 
     level, most = 0, MOST_NODES
 
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """A key that stands twice would hide one of its values."""
+        own = [(key.value, key.start_mark.line + 1) for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        seen: dict[str, int] = {}
+        for key, line in own:
+            if key in seen and key != "<<":
+                raise ValueError(f"the key {key} twice, in lines {seen[key]} and {line}")
+            seen[key] = line
+        return super().construct_mapping(node, deep)
+
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         self.level += 1
         if self.level > DEEPEST:

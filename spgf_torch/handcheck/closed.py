@@ -13,7 +13,7 @@ GAP = 0.25  # of the opening that may be left between closed fingers: thinner th
 OVERLAP = 0.002  # m that closed fingers may stand in each other: what convex pieces of meshes add
 TURNED_DEG = 5.0  # deg that fingers with `parallel` joints turn while they close
 LEAST_LEVER = 0.001  # m per rad, or per m: a joint that moves no pad by more closes nothing
-WEAKEST, STRONGEST = 0.5, 1000.0  # N of a pad; gravity on 30 g at friction 0.6, a vice
+WEAKEST, STRONGEST = 1.5, 1000.0  # N of a pad; lifts 90 g between two at friction 0.6 and 2 g; a vice
 UNBALANCED = 0.25  # of all force that is left over: two fingers of 1.6 Nm against one of 1.6 (0.33) drag things away
 
 

@@ -13,7 +13,8 @@ from spgf_torch.handcheck.anatomy import Anatomy, Finger, unit
 from spgf_torch.handcheck.arms import check_no_arm
 from spgf_torch.handcheck.faces import TURNED, jaw_pads, palmar_pad
 from spgf_torch.handcheck.grouping import Grouping, grouping_of
-from spgf_torch.hands.config import ClosingConfig, HandConfig, PreshapeConfig
+from spgf_torch.hands.config import ClosingConfig, HandConfig, JointConfig, PreshapeConfig
+from spgf_torch.hands.drives import SHARE
 from spgf_torch.hands.fingers import finger_shape
 from spgf_torch.hands.hand import Hand, load_hand
 from spgf_torch.hands.motion import Motion, motion_of
@@ -174,7 +175,13 @@ def _closing(proposal: Proposal, hand: Hand) -> None:
     closing = next(iter(hand.preshapes.values())).closing
     effort, speed = (float(f"{value:.2g}") for value in (closing.effort, closing.speed))
     time = math.ceil(10 * closing.time * closing.speed / speed) / 10
-    proposal.config = replace(proposal.config, closing=ClosingConfig(effort, speed, time))
+    pushes = {n: abs(share) * effort for p in hand.preshapes.values() for n, share in p.closing.phases[0].items()}
+    rated = {joint.name: joint.effort for joint in hand.robot.joints if joint.effort}
+    weak = sorted(name for name, push in pushes.items() if rated.get(name, push) < push)
+    for name in weak:
+        proposal.doubt("joints", f"the URDF rates {name} at {rated[name]:g}, which holds nothing: see its data sheet")
+    efforts = {name: JointConfig(effort=float(f"{pushes[name] / SHARE:.2g}")) for name in weak}
+    proposal.config = replace(proposal.config, joints=efforts, closing=ClosingConfig(effort, speed, time))
     proposal.hand = load_hand(proposal.config)
 
 

@@ -50,6 +50,10 @@ def _lines(proposal: Proposal) -> Iterator[str]:
     yield from _doubts(doubts, "fingers", "  ")
     yield "preshapes:"
     yield from _preshapes(proposal)
+    if config.joints:
+        yield f"joints:  {MARK} Nm, or N of joints that slide"
+        yield from (f"  {_flow(name)}: {{effort: {joint.effort:g}}}" for name, joint in config.joints.items())
+        yield from _doubts(doubts, "joints", "  ")
     yield from _closing(config)
     yield from _doubts(doubts, "closing", "  ")
     if proposal.error:

@@ -19,7 +19,7 @@ from spgf_torch.hands.urdf_files import mesh_file
 from spgf_torch.hands.urdf_numbers import XML, number, numbers, pose
 
 FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".dae", ".off")
-LARGEST = 2.0  # m; a larger mesh of a hand is taken for millimetres without a scale
+LARGEST = 2.0  # m; a larger shape of a hand is taken for millimetres without a scale
 SAMPLES = 20_000  # points that stand for a surface: 1 mm apart on a finger
 CUTTING = FewPieces(
     tolerance=0.001,  # as the depth below which a surface counts as convex
@@ -58,6 +58,9 @@ def _primitive(path: Path, where: str, shape: XML) -> trimesh.Trimesh:
         values = numbers(path, f"{where}: {shape.tag} {key}", shape.get(key), count)
         if not (values > 0.0).all():
             raise InputError(f"{path}: {where}: expected a {shape.tag} of some {key}, got {shape.get(key)}")
+        if (values > LARGEST).any():
+            got = f"{shape.get(key)}; a URDF is in metres"
+            raise InputError(f"{path}: {where}: expected a {shape.tag} of at most {LARGEST:g} m, got {key} {got}")
         return values
 
     if shape.tag == "box":

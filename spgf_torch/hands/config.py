@@ -15,7 +15,7 @@ class JointConfig:
     `effort`: the most that its drive gives (Nm); `stiffness` (Nm/rad) and `damping` (Nm s/rad) of the drive.
     """
 
-    effort: float | None = bounded(0.0, 1e5, None)
+    effort: float | None = bounded(1e-6, 1e5, None)
     stiffness: float | None = bounded(0.0, 1e7, None)
     damping: float | None = bounded(0.0, 1e6, None)
 
@@ -74,7 +74,7 @@ class ClosingConfig:
         time: s at most.
     """
 
-    effort: float | None = bounded(0.0, 1e5, None)
+    effort: float | None = bounded(1e-6, 1e5, None)
     speed: float | None = bounded(0.001, 100.0, None)
     time: float | None = bounded(0.01, 60.0, None)
 

@@ -20,6 +20,7 @@ from spgf_torch.hands.robot import Follow
 
 SHARE = 0.75  # of a joint's effort
 PAD_FORCE = 50.0  # N, of a finger; the Franka Hand's drive presses with as much
+PLACEHOLDER = 2.0  # N; an effort that gives less at the fingertip, as the WSG 50's URDF with 1 N, is no rating
 STROKE_TIME = 0.8  # s from open to closed; the Franka Hand's, from 80 mm to 0
 LEAD = 0.04  # s
 RELAX = 0.01  # s; damping over stiffness
@@ -50,7 +51,8 @@ def drives_of(config: HandConfig, motion: Motion, closing: ClosingConfig) -> dic
     for name, share in motion.closing.items():
         told, joint = config.joints.get(name, JointConfig()), motion.kinematics.moving[name]
         push = abs(share) * closing.effort
-        most = told.effort or joint.effort or push / SHARE
+        rated = joint.effort if config.closing.effort or (joint.effort or 0.0) >= push else None  # else a placeholder
+        most = told.effort or rated or push / SHARE
         if most < push:
             raise InputError(f"hand.closing.effort: expected at most {most:g}, the effort of {name}; got {push:g}")
         drives[name] = _drive(told, most, push / (LEAD * (closing.speed or 1.0)), abs(share))
@@ -91,6 +93,6 @@ def _efforts(motion: Motion, start: Mapping[str, float]) -> list[float]:
             for shape in motion.shapes.values()
         ]
         effort = motion.kinematics.moving[name].effort
-        most = PAD_FORCE * float(max(levers))
-        found.append((min(most, SHARE * effort) if effort else most) / abs(share))
+        most, least = (force * float(max(levers)) for force in (PAD_FORCE, PLACEHOLDER))
+        found.append((min(most, SHARE * effort) if effort and effort > least else most) / abs(share))
     return [effort for effort in found if effort > 0] or [1.0]

@@ -27,7 +27,7 @@ from spgf_torch.hands.robot import Robot
 from spgf_torch.hands.urdf import read_robot
 from spgf_torch.settings import plain, typed
 
-ALL_TYPES = "CG"  # all types of a hand together, as the paper calls it
+RESERVED = ("CG", "all")  # all types of a hand together, as the paper calls it; all classes of objects
 PAD = 0.01  # m, half a fingertip's width: what of a finger is level with the TCP
 
 __all__ = ["Hand", "closing_poses", "load_hand"]
@@ -78,11 +78,15 @@ _HANDS: dict[tuple[str, str, str], Hand] = {}
 
 
 def _hand(robot: Robot, config: HandConfig) -> Hand:
+    if not re.fullmatch(r"\w[\w.-]{0,59}", config.name):  # files are called so
+        raise InputError(f"hand.name: expected letters, digits, _, - and dots, got {config.name!r:.80}")
     if not config.preshapes:
         raise InputError("hand.preshapes: expected one or more, got none")
     for name in config.preshapes:  # columns, files and partitions of shards are called so
-        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}", name) or name == ALL_TYPES:
-            raise InputError(f"hand.preshapes: expected names of letters, digits, _ and -, not CG; got {name!r:.60}")
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}", name) or name in RESERVED:
+            raise InputError(
+                f"hand.preshapes: expected names of letters, digits, _ and -, not CG or all; got {name!r:.60}"
+            )
     config = _with_known_names(robot, config)
     kinematics = Kinematics(robot)
     approach = np.asarray(config.approach, dtype=np.float64)
@@ -117,6 +121,9 @@ def _with_known_names(robot: Robot, config: HandConfig) -> HandConfig:
         if not isinstance(links, list) or not links:
             raise InputError(f"hand.fingers.{name}: expected a list of links, got {links!r:.40}")
         check_known(f"hand.fingers.{name}", links, robot.links, "a link")
+        for other in (other for other in fingers if other < name and isinstance(fingers[other], list)):
+            if both := set(links) & set(fingers[other]):
+                raise InputError(f"hand.fingers.{name}: expected links of its own, got {min(both)}, also of {other}")
     check_known("hand.joints", config.joints, (j.name for j in robot.joints if j.moves), "a joint that moves")
     return replace(config, fingers=fingers)
 

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from spgf_torch.errors import InputError
 from spgf_torch.hands.robot import Collision
 from spgf_torch.hands.urdf_numbers import XML, number, pose
 
@@ -28,7 +29,9 @@ def mended_inertial(path: Path, link: XML, shapes: list[Collision], needed: bool
     given, where = link.find("inertial"), f"link {link.get('name')}: inertial"
     mass_element = given.find("mass") if given is not None else None
     mass = number(path, f"{where}: mass", mass_element.get("value")) if mass_element is not None else 0.0
-    if given is None or mass <= 0.0:
+    if mass < 0.0:
+        raise InputError(f"{path}: {where}: expected a mass of 0 or more, got {mass:g}")
+    if given is None or mass == 0.0:
         if not needed:
             return None, ""
         mass, com, inertia = _from_shapes(shapes, None)

@@ -185,6 +185,8 @@ def _parallel(
             raise InputError(f"{where}.parallel.{name}: expected of, ratio and offset, got {min(unknown)}")
         check_known(f"{where}.parallel.{name}", [told.get("of")], kinematics.moving, "a joint that moves")
         of = str(told["of"])
+        if of == name:
+            raise InputError(f"{where}.parallel.{name}: expected another joint that it follows, got itself")
         ratio = float(told.get("ratio", -_same_way(kinematics, name, of)))
         offset = _radians(kinematics.moving[name], float(told.get("offset", 0.0)))
         if name in given and of in given and "offset" not in told:

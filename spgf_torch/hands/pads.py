@@ -13,6 +13,7 @@ from spgf_torch.hands.config import HandConfig, PreshapeConfig
 from spgf_torch.hands.fingers import closing_face, projected
 from spgf_torch.hands.motion import Motion, Passed
 
+FARTHEST = 1.0  # m from a hand's base to its TCP; more is millimetres
 TOUCHING = 1e-9  # m between pads that count as one point; what is left of an opening of 0 is rounding
 
 
@@ -118,6 +119,8 @@ class Pads:
         origin = (sides[0] + sides[1]) / 2 if len(sides) == 2 else sides.mean(axis=0)
         if told is not None and told.xyz:
             origin = _vector(told.xyz, f"{where}.xyz")
+            if np.abs(origin).max() > FARTHEST:
+                raise InputError(f"{where}.xyz: expected metres within {FARTHEST:g} of the base, got {told.xyz}")
         x = x - (x @ approach) * approach
         if np.linalg.norm(x) < TOUCHING:
             raise InputError(f"{where}.closing: expected a direction across the approach {approach}, got along it")

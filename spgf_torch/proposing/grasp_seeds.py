@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.model import GraspModel
+from spgf_torch.affordance.neighbourhood import Condensed
 from spgf_torch.geometry import se3
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.sampling import non_maximum_suppression
@@ -51,12 +52,13 @@ def grasp_seeds(model: GraspModel, gain: Tensor, config: ProposingConfig, symmet
 
     Of each partition the `pool` points of the highest gain (P,) f32 (`ranking.point_gains`: shrunk by the support) and
     at least `point_support` particles are merged by non-maximum suppression, and the first `points` stay.
+    Where few trials taught a type, so that fewer of its points are, the best supported stand in for them.
 
     Args:
         symmetry: of each grasp type the turns about the approach that make the same grasp.
     """
     condensed, types = model.condensed, len(symmetry)
-    promising = (gain > 0) & (condensed.support >= config.point_support)
+    promising = (gain > 0) & (condensed.support >= _least_support(condensed, gain, config, types))
     chosen, counts = [], [0]
     for s in range(len(condensed.partition_start) - 1):
         first, end = condensed.partition_start[s : s + 2].tolist()
@@ -68,3 +70,17 @@ def grasp_seeds(model: GraspModel, gain: Tensor, config: ProposingConfig, symmet
         chosen.append(T[kept[: config.points]])
         counts.append(len(chosen[-1]))
     return GraspSeeds(torch.tensor(counts, device=gain.device).cumsum(0), torch.cat(chosen), types)
+
+
+def _least_support(condensed: Condensed, gain: Tensor, config: ProposingConfig, types: int) -> Tensor:
+    """(P,) f32: particles that a point needs near it, of each type `point_support` or what its best points have."""
+    partition = torch.repeat_interleave(
+        torch.arange(len(condensed.partition_start) - 1, device=gain.device), condensed.partition_start.diff()
+    )
+    needed = torch.full_like(condensed.support, config.point_support)
+    for grasp_type in range(types):
+        of_type = partition % types == grasp_type
+        support = condensed.support[of_type & (gain > 0)]
+        if len(support) and int((support >= config.point_support).sum()) < config.points:
+            needed[of_type] = support.sort(descending=True).values[: config.points].min()
+    return needed

@@ -190,9 +190,9 @@ def test_wrong_preshapes_are_told_in_one_line(tmp_path: Path, preshape: dict, me
         load_hand(described(tmp_path, clamp(), preshapes={"wide": preshape}))
 
 
-@pytest.mark.parametrize("name", ["CG", "a b", "../x", ""])
+@pytest.mark.parametrize("name", ["CG", "all", "a b", "../x", ""])
 def test_names_that_files_and_columns_cannot_have(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InputError, match=r"hand\.preshapes: expected names of letters, digits, _ and -, not CG"):
+    with pytest.raises(InputError, match=r"hand\.preshapes: expected names of letters, digits, _ and -, not CG or all"):
         load_hand(described(tmp_path, clamp(), preshapes={name: {"opening": 0.05}}))
 
 
