@@ -99,9 +99,9 @@ def _about(drawn: Sequence[Drawn], config: GenerateConfig) -> str:
         f"# {len(drawn)} household objects drawn from ranges of sizes\n\n"
         f"    python -m spgf_torch.generate count={config.count} seed={config.seed} ranges={config.ranges}{families}"
         f" lightest={config.lightest:g} heaviest={config.heaviest:g} out=FOLDER\n\n"
-        f"SHA-256 of the ranges: {digest_of(find(config.ranges))}. A name is family, seed, number in the family; an\n"
-        "object depends on these and its family's ranges, not on how many were drawn. No product was measured. Whether\n"
-        "a hand can hold one is for `simulate` to say.\n\n"
+        f"SHA-256 of the ranges: {digest_of(find(config.ranges))}.\n\n"
+        "A name is family, seed, number in the family; an object depends on these and its family's ranges, not on how\n"
+        "many were drawn. No product was measured. Whether a hand can hold one is for `simulate` to say.\n\n"
         f"| family | objects |\n|---|---|\n{rows}\n"
     )
 

@@ -78,7 +78,9 @@ def read_families(path: Path, only: Sequence[str] | None = None) -> dict[str, Fa
         raise InputError(f"{path}: expected families of shapes by name, got {values!r}")
     unknown = [name for name in only or () if name not in values]
     if unknown or (only is not None and not only):
-        raise InputError(f"families: expected some of {', '.join(map(str, values))}; got {', '.join(unknown) or 'none'}")
+        raise InputError(
+            f"families: expected some of {', '.join(map(str, values))}; got {', '.join(unknown) or 'none'}"
+        )
     families = {}
     for name in values if only is None else [name for name in values if name in only]:
         try:
