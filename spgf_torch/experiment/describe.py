@@ -36,6 +36,9 @@ T = TypeVar("T")
 # Objects described at once, at most: numpy, torch and embree let go of the interpreter while they work.
 THREADS = 2
 
+# Objects described stage by stage; then all but what is learned from is dropped: some 4 MB an object.
+TOGETHER = 100
+
 # The settings that pairs of features and grasps depend on; the others are about what is learned from them.
 PAIRING = ("reach", "voxel", "rotation_deg", "features_per_object")
 
@@ -84,7 +87,16 @@ class Describer:
     def describe(
         self, objects: Sequence[GraspObject], grasps: Sequence[GraspPoses], stages: ProgressReporter
     ) -> list[DescribedObject]:
-        """Sense objects, compute features, pair these with grasps, look for collisions; a stage of progress each."""
+        """Sense objects, compute features, pair these with grasps, look for collisions; a stage of progress each.
+
+        Of many objects `TOGETHER` at a time.
+        """
+        blocks = [slice(i, i + TOGETHER) for i in range(0, len(objects), TOGETHER)]
+        return [each for block in blocks for each in self._described(objects[block], grasps[block], stages)]
+
+    def _described(
+        self, objects: Sequence[GraspObject], grasps: Sequence[GraspPoses], stages: ProgressReporter
+    ) -> list[DescribedObject]:
         all_steps = [CachedSteps(self, *each) for each in zip(objects, grasps, strict=True)]
 
         def in_turn(stage: str, work: Callable[[CachedSteps], T], *made: str) -> list[T]:
@@ -203,7 +215,7 @@ class CachedSteps:
         if asked.words:
             around = surroundings(self.features.T_object_feature, asked)
         return DescribedObject(
-            self.features.relations(), self.pairs, self.collides, self.settings.grasp_types, around=around
+            self.features.relations(), self.pairs.narrowed(), self.collides, self.settings.grasp_types, around=around
         )
 
     def generator(self, stream: int) -> torch.Generator:
