@@ -52,7 +52,9 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.evaluation.tables import calibration_lines, chosen_line, hopeless_types, judge_lines, results_table
     from spgf_torch.experiment.dictionary import check_dictionary
     from spgf_torch.objects.folders import read_objects
+    from spgf_torch.simulation.executors import check_address
 
+    check_address(config.runner, config.address)
     check_device(config.device)
     check_dictionary(config)
     _check_hand(config)
@@ -120,7 +122,7 @@ def _check_judge(config: TrainConfig) -> None:
     """
     if config.judge != "none" and config.classwise:
         raise InputError(f"classwise: expected false with judge={config.judge}, got true")
-    given = {"own_trials": config.own_trials, "judging": config.judging, "address": config.address}
+    given = {"own_trials": config.own_trials, "judging": config.judging}
     for key, value in given.items():
         if value and config.judge == "none":
             raise InputError(f"{key}: expected with judge=learn, got judge=none")
@@ -184,6 +186,7 @@ def _votes(
     from spgf_torch.evaluation.files import write_per_object
     from spgf_torch.evaluation.predictions import Predictions, write_predictions
     from spgf_torch.evaluation.results import build_results
+    from spgf_torch.experiment.cluster import cluster_of
     from spgf_torch.experiment.costs import prediction_ms
     from spgf_torch.experiment.dictionary import load_dictionary
     from spgf_torch.experiment.experiment import Experiment
@@ -194,7 +197,8 @@ def _votes(
     if (dictionary := load_dictionary(config, design, objects)) is not None:
         show(dictionary.told)
     describer = _describer(config, cache)
-    described = describer.describe(objects, tables, stages)
+    with cluster_of(config.address) as cluster:
+        described = replace(describer, cluster=cluster).describe(objects, tables, stages)
     examples = [obj.with_success(table.success) for obj, table in zip(described, tables, strict=True)]
     learned = Experiment.of(config, design, objects, examples, cache, dictionary).run(stages)
     scores = learned.scores

@@ -66,6 +66,13 @@ class GraspPoses(Protocol):
     def grasp_type(self) -> Tensor: ...
 
 
+class Elsewhere(Protocol):
+    """Where objects are described, if not here (`cluster.Cluster`)."""
+
+    def describe(self, objects: Sequence[CachedSteps], advance: Callable[[int], None]) -> None:
+        """Fill `given` of each with the tensors of the steps that its cache lacks."""
+
+
 @dataclass(frozen=True)
 class Describer:
     """The settings and the hand that describe objects, and the cache that keeps what they are described by."""
@@ -78,6 +85,7 @@ class Describer:
     device: str = "cpu"
     cache: Cache = field(default_factory=lambda: Cache(None))
     constellations: ConstellationConfig = field(default_factory=ConstellationConfig)
+    cluster: Elsewhere | None = None
 
     @property
     def grasp_types(self) -> tuple[str, ...]:
@@ -107,6 +115,9 @@ class Describer:
             with stages.stage(stage, len(objects), "objects", kept) as advance:
                 return [(advance(1), done)[1] for done in in_parts(work, all_steps, THREADS)]
 
+        if self.cluster is not None:
+            with stages.stage("describing", len(objects), "objects") as advance:
+                self.cluster.describe(all_steps, advance)
         in_turn("sensing", CachedSteps.sense_if_needed, "texlets")
         in_turn("features", lambda steps: steps.features, "features")
         in_turn("particles", lambda steps: steps.pairs, "pairs")
@@ -138,6 +149,7 @@ class CachedSteps:
         self.settings, self.obj, self.grasps = settings, obj, grasps
         self.pairing = AffordanceConfig(**{name: getattr(settings.affordance, name) for name in PAIRING})
         self.made: set[str] = set()
+        self.given: dict[str, dict[str, Tensor]] = {}  # made elsewhere, by step
         surface = (obj.name, obj.mesh.vertices, obj.mesh.faces)
         device, seed, poses = (
             torch.device(settings.device).type,
@@ -228,7 +240,7 @@ class CachedSteps:
 
         def noted() -> dict[str, Tensor]:
             self.made.add(step)
-            return make()
+            return self.given.pop(step) if step in self.given else make()
 
         tensors = self.settings.cache.tensors(step, self.keys[step], noted)
         device = "cpu" if step == "texlets" else self.settings.device
