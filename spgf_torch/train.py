@@ -27,6 +27,7 @@ from spgf_torch.progress import ProgressReporter, show
 if TYPE_CHECKING:
     from spgf_torch.cache import Cache
     from spgf_torch.experiment.describe import Describer
+    from spgf_torch.experiment.described_object import DescribedObject
     from spgf_torch.experiment.experiment import Design
     from spgf_torch.judging.judge_training import Course
     from spgf_torch.objects.grasp_object import GraspObject
@@ -186,7 +187,6 @@ def _votes(
     from spgf_torch.evaluation.files import write_per_object
     from spgf_torch.evaluation.predictions import Predictions, write_predictions
     from spgf_torch.evaluation.results import build_results
-    from spgf_torch.experiment.cluster import cluster_of
     from spgf_torch.experiment.costs import prediction_ms
     from spgf_torch.experiment.dictionary import load_dictionary
     from spgf_torch.experiment.experiment import Experiment
@@ -197,9 +197,7 @@ def _votes(
     if (dictionary := load_dictionary(config, design, objects)) is not None:
         show(dictionary.told)
     describer = _describer(config, cache)
-    with cluster_of(config.address) as cluster:
-        described = replace(describer, cluster=cluster).describe(objects, tables, stages)
-    examples = [obj.with_success(table.success) for obj, table in zip(described, tables, strict=True)]
+    examples = _examples(config, describer, objects, tables, stages)
     learned = Experiment.of(config, design, objects, examples, cache, dictionary).run(stages)
     scores = learned.scores
     if config.ranking == JUDGE:
@@ -223,6 +221,21 @@ def _votes(
     write_per_object(folder / "per_object.csv", predictions, config.N)
     write_predictions(folder / "predictions.parquet", predictions)
     return results
+
+
+def _examples(
+    config: TrainConfig,
+    describer: Describer,
+    objects: Sequence[GraspObject],
+    tables: Sequence[TrialTable],
+    stages: ProgressReporter,
+) -> list[DescribedObject]:
+    """The objects with the outcomes of their trials, described here or on the workers of a cluster."""
+    from spgf_torch.experiment.cluster import cluster_of
+
+    with cluster_of(config.address) as cluster:
+        described = replace(describer, cluster=cluster).describe(objects, tables, stages)
+    return [obj.with_success(table.success) for obj, table in zip(described, tables, strict=True)]
 
 
 def _describer(config: TrainConfig, cache: Cache) -> Describer:
