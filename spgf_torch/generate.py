@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 from uuid import uuid4
@@ -18,6 +18,7 @@ from spgf_torch.progress import ProgressReporter, show
 
 if TYPE_CHECKING:
     from spgf_torch.objects.families import Drawn
+    from spgf_torch.objects.grasp_object import GraspObject
 
 PICTURE, ABOUT = "contact_sheet.png", "README.md"
 
@@ -35,15 +36,22 @@ def run(config: GenerateConfig, folder: Path) -> None:
     out = Path(config.out).expanduser() if config.out else folder / "objects"
     _check_out(out)
     families, stages = read_families(find(config.ranges), config.families), ProgressReporter()
-    drawn, masses = [], (config.lightest, config.heaviest)
+    texts, masses = {ABOUT: ""}, (config.lightest, config.heaviest)
+    pictured: list[GraspObject] = []
+    of_family: Counter[str] = Counter()
+    of_class: Counter[str] = Counter()
     with stages.stage("drawing", config.count, "objects") as advance:
         for name, number in turns(list(families), config.count, config.seed):
-            drawn.append(draw(name, families[name], number, config.seed, masses))
+            drawn = draw(name, families[name], number, config.seed, masses)
+            texts[f"{drawn.description.name}.yaml"] = _text(drawn)
+            pictured += [drawn.built] if len(pictured) < config.pictured else []
+            of_family[name] += 1
+            of_class[drawn.description.category] += 1
             advance(1)
-    _write(out, drawn, config, stages)
-    counts = Counter(each.description.category for each in drawn)
-    told = ", ".join(f"{counts[category]} {category}" for category in CLASSES if counts[category])
-    show(f"{len(drawn)} objects of {len(families)} families ({told}) in {out}")
+    texts[ABOUT] = _about(of_family, config)
+    _write(out, texts, pictured, stages)
+    told = ", ".join(f"{of_class[category]} {category}" for category in CLASSES if of_class[category])
+    show(f"{config.count} objects of {len(families)} families ({told}) in {out}")
 
 
 def _check_out(out: Path) -> None:
@@ -56,20 +64,18 @@ def _check_out(out: Path) -> None:
         raise InputError(f"out: expected a new or an empty folder, got {out}, {got}")
 
 
-def _write(out: Path, drawn: Sequence[Drawn], config: GenerateConfig, stages: ProgressReporter) -> None:
+def _write(out: Path, texts: Mapping[str, str], pictured: Sequence[GraspObject], stages: ProgressReporter) -> None:
     """Write beside `out` first, then rename: there is never a folder with some of the objects."""
     from spgf_torch.files.writing import sync
     from spgf_torch.objects.contact_sheet import contact_sheet
 
-    pictured = [each.built for each in drawn[: config.pictured]]
     out = out.absolute()
     out.parent.mkdir(parents=True, exist_ok=True)
     part = out.with_name(f".{uuid4().hex}.part")
     try:
         part.mkdir()
-        for each in drawn:
-            (part / f"{each.description.name}.yaml").write_text(_text(each), encoding="utf-8")
-        (part / ABOUT).write_text(_about(drawn, config), encoding="utf-8")
+        for name, content in texts.items():
+            (part / name).write_text(content, encoding="utf-8")
         if pictured:
             with stages.stage("picture", len(pictured), "objects") as advance:
                 contact_sheet(pictured, part / PICTURE)
@@ -87,16 +93,15 @@ def _text(drawn: Drawn) -> str:
     return f"# {drawn.product}, drawn by python -m spgf_torch.generate (README.md)\n{values}"
 
 
-def _about(drawn: Sequence[Drawn], config: GenerateConfig) -> str:
+def _about(counts: Mapping[str, int], config: GenerateConfig) -> str:
     """What the folder holds and how it was made."""
     from spgf_torch.files.digests import digest_of
     from spgf_torch.paths import find
 
-    counts = Counter(each.description.name.rsplit("_", 2)[0] for each in drawn)
     families = f" families=[{','.join(config.families)}]" if config.families else ""
     rows = "\n".join(f"| {name} | {count} |" for name, count in sorted(counts.items()))
     return (
-        f"# {len(drawn)} household objects drawn from ranges of sizes\n\n"
+        f"# {config.count} household objects drawn from ranges of sizes\n\n"
         f"    python -m spgf_torch.generate count={config.count} seed={config.seed} ranges={config.ranges}{families}"
         f" lightest={config.lightest:g} heaviest={config.heaviest:g} out=FOLDER\n\n"
         f"SHA-256 of the ranges: {digest_of(find(config.ranges))}.\n\n"
