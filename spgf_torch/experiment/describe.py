@@ -36,8 +36,8 @@ T = TypeVar("T")
 # Objects described at once, at most: numpy, torch and embree let go of the interpreter while they work.
 THREADS = 2
 
-# Objects described stage by stage; then all but what is learned from is dropped: some 4 MB an object.
-TOGETHER = 100
+# Objects described stage by stage; then all but what is learned from is dropped. 50 take 0.6 GB until then.
+TOGETHER = 50
 
 # The settings that pairs of features and grasps depend on; the others are about what is learned from them.
 PAIRING = ("reach", "voxel", "rotation_deg", "features_per_object")
