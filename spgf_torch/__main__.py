@@ -12,6 +12,7 @@ COMMANDS = {
     "predict": "ranked grasps for a point cloud, depth images or a mesh: input=FILE",
     "evaluate": "a model's best grasps on scanned meshes, executed in SAPIEN: objects=FOLDER",
     "simulate": "candidate grasps on objects, each tried in SAPIEN: the trial table",
+    "generate": "household objects drawn from ranges of sizes, a description each: count=... out=FOLDER",
     "hand": "check and draw a hand, or describe a bare URDF: hand=FILE",
     "judge": "learn a hand's judge of grasp hypotheses, from trials of its own choosing",
     "export": "a trial table as a data set in other formats: format=...",

@@ -27,6 +27,7 @@ from spgf_torch.progress import ProgressReporter, show
 if TYPE_CHECKING:
     from spgf_torch.cache import Cache
     from spgf_torch.experiment.describe import Describer
+    from spgf_torch.experiment.described_object import DescribedObject
     from spgf_torch.experiment.experiment import Design
     from spgf_torch.judging.judge_training import Course
     from spgf_torch.objects.grasp_object import GraspObject
@@ -52,7 +53,9 @@ def run(config: TrainConfig, folder: Path) -> None:
     from spgf_torch.evaluation.tables import calibration_lines, chosen_line, hopeless_types, judge_lines, results_table
     from spgf_torch.experiment.dictionary import check_dictionary
     from spgf_torch.objects.folders import read_objects
+    from spgf_torch.simulation.executors import check_address
 
+    check_address(config.runner, config.address)
     check_device(config.device)
     check_dictionary(config)
     _check_hand(config)
@@ -120,7 +123,7 @@ def _check_judge(config: TrainConfig) -> None:
     """
     if config.judge != "none" and config.classwise:
         raise InputError(f"classwise: expected false with judge={config.judge}, got true")
-    given = {"own_trials": config.own_trials, "judging": config.judging, "address": config.address}
+    given = {"own_trials": config.own_trials, "judging": config.judging}
     for key, value in given.items():
         if value and config.judge == "none":
             raise InputError(f"{key}: expected with judge=learn, got judge=none")
@@ -194,8 +197,7 @@ def _votes(
     if (dictionary := load_dictionary(config, design, objects)) is not None:
         show(dictionary.told)
     describer = _describer(config, cache)
-    described = describer.describe(objects, tables, stages)
-    examples = [obj.with_success(table.success) for obj, table in zip(described, tables, strict=True)]
+    examples = _examples(config, describer, objects, tables, stages)
     learned = Experiment.of(config, design, objects, examples, cache, dictionary).run(stages)
     scores = learned.scores
     if config.ranking == JUDGE:
@@ -219,6 +221,21 @@ def _votes(
     write_per_object(folder / "per_object.csv", predictions, config.N)
     write_predictions(folder / "predictions.parquet", predictions)
     return results
+
+
+def _examples(
+    config: TrainConfig,
+    describer: Describer,
+    objects: Sequence[GraspObject],
+    tables: Sequence[TrialTable],
+    stages: ProgressReporter,
+) -> list[DescribedObject]:
+    """The objects with the outcomes of their trials, described here or on the workers of a cluster."""
+    from spgf_torch.experiment.cluster import cluster_of
+
+    with cluster_of(config.address) as cluster:
+        described = replace(describer, cluster=cluster).describe(objects, tables, stages)
+    return [obj.with_success(table.success) for obj, table in zip(described, tables, strict=True)]
 
 
 def _describer(config: TrainConfig, cache: Cache) -> Describer:

@@ -11,7 +11,7 @@ The points are the cells of the SE(3) grid that hold at least one particle; near
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -19,7 +19,7 @@ from torch import Tensor
 
 from spgf_torch.affordance.particles import Particles, known_outcomes
 from spgf_torch.geometry.se3_grid import Kernel, SE3Grid
-from spgf_torch.ops.neighbourhood_analysis import Queries, Space, Weights, populate
+from spgf_torch.ops.neighbourhood_analysis import Filling, Queries, Space, Weights, populate
 from spgf_torch.ops.neighbourhood_analysis import analyse as counts_around
 from spgf_torch.ops.neighbourhood_analysis import condense as significant_cells
 from spgf_torch.ops.outcome_counts import outcome_counts as outcomes_of_partitions
@@ -41,6 +41,17 @@ class ShapeGraspSpace:
         partition, cell = [part.partition for part in parts], [part.cell for part in parts]
         success, partitions = [known_outcomes(part.success) for part in parts], prototypes * parts[0].types
         return ShapeGraspSpace(Space(*populate(partition, cell, success, partitions, grid.numbers)))
+
+    @staticmethod
+    def in_turn(parts: Iterable[Particles], counts: Tensor, grid: SE3Grid) -> ShapeGraspSpace:
+        """The same of parts that are made one after the other and dropped, given the sum of their `partition_counts`.
+
+        It takes the memory of one number a particle.
+        """
+        filling = Filling(counts.sum(1), grid.numbers)
+        for part in parts:
+            filling.add(part.partition, part.cell, known_outcomes(part.success))
+        return ShapeGraspSpace(filling.space())
 
 
 @dataclass(frozen=True)
@@ -104,18 +115,26 @@ def condense(
 
     `parts` are the particles of one object each; their order does not matter.
     """
-    space, weights = ShapeGraspSpace.of(parts, prototypes, grid), Weights.of(kernel, parts[0].cell.device)
-    rates = base_rates(torch.stack([outcome_counts(part, prototypes) for part in parts]).sum(0))
+    counts = torch.stack([partition_counts(part, prototypes) for part in parts]).sum(0)
+    space = ShapeGraspSpace.of(parts, prototypes, grid)
+    return condense_space(space, base_rates(counts, parts[0].types), grid, kernel, min_support)
+
+
+def condense_space(
+    space: ShapeGraspSpace, rates: Tensor, grid: SE3Grid, kernel: Kernel, min_support: float
+) -> Condensed:
+    """The same of a space, given the base rate (types,) of each type."""
+    weights = Weights.of(kernel, rates.device)
     return Condensed(*significant_cells(space.particles, weights, grid.numbers, min_support), rates)
 
 
-def outcome_counts(particles: Particles, prototypes: int) -> Tensor:
-    """(types, 2) int64: successes and particles of each grasp type."""
-    types, success = particles.types, known_outcomes(particles.success)
-    counts = outcomes_of_partitions(particles.partition, success, prototypes * types).view(prototypes, types, 2).sum(0)
-    return torch.stack([counts[:, 1], counts.sum(1)], dim=1)
+def partition_counts(particles: Particles, prototypes: int) -> Tensor:
+    """(prototypes * types, 2) int64: failures and successes in each partition. Those of objects add up."""
+    success = known_outcomes(particles.success)
+    return outcomes_of_partitions(particles.partition, success, prototypes * particles.types)
 
 
-def base_rates(counts: Tensor) -> Tensor:
-    """Successes over particles of each grasp type, from `outcome_counts`: (types, 2) -> (types,) f32; 0 for none."""
-    return counts[:, 0].float() / counts[:, 1].clamp(min=1)
+def base_rates(counts: Tensor, types: int) -> Tensor:
+    """Successes over particles of each grasp type, from `partition_counts`: (types,) f32; 0 for none."""
+    of_type = counts.view(-1, types, 2).sum(0)
+    return of_type[:, 1].float() / of_type.sum(1).clamp(min=1)

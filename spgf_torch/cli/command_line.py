@@ -28,7 +28,19 @@ from spgf_torch.paths import root
 
 # Settings that name files or folders, in any command.
 _SCENE = {"input", "model", "intrinsics", "poses", "mask", "segments"}
-_FOLDERS = {"objects", "trials", "own_trials", "runs", "out", "export", "checkpoints", "cache", "baseline", "judge"}
+_FOLDERS = {
+    "objects",
+    "trials",
+    "own_trials",
+    "runs",
+    "out",
+    "export",
+    "checkpoints",
+    "cache",
+    "baseline",
+    "judge",
+    "ranges",
+}
 PATHS = _SCENE | _FOLDERS | {"prototypes_from", "hand.urdf", "urdf", "hydra.run.dir", "hydra.sweep.dir"}
 # Of these, what may hold numbers instead.
 NUMBERS = frozenset(["intrinsics", "poses"])

@@ -36,6 +36,9 @@ T = TypeVar("T")
 # Objects described at once, at most: numpy, torch and embree let go of the interpreter while they work.
 THREADS = 2
 
+# Objects described stage by stage; then all but what is learned from is dropped. 50 take 0.6 GB until then.
+TOGETHER = 50
+
 # The settings that pairs of features and grasps depend on; the others are about what is learned from them.
 PAIRING = ("reach", "voxel", "rotation_deg", "features_per_object")
 
@@ -63,6 +66,13 @@ class GraspPoses(Protocol):
     def grasp_type(self) -> Tensor: ...
 
 
+class Elsewhere(Protocol):
+    """Where objects are described, if not here (`cluster.Cluster`)."""
+
+    def describe(self, objects: Sequence[CachedSteps], advance: Callable[[int], None]) -> None:
+        """Fill `given` of each with the tensors of the steps that its cache lacks."""
+
+
 @dataclass(frozen=True)
 class Describer:
     """The settings and the hand that describe objects, and the cache that keeps what they are described by."""
@@ -75,6 +85,7 @@ class Describer:
     device: str = "cpu"
     cache: Cache = field(default_factory=lambda: Cache(None))
     constellations: ConstellationConfig = field(default_factory=ConstellationConfig)
+    cluster: Elsewhere | None = None
 
     @property
     def grasp_types(self) -> tuple[str, ...]:
@@ -84,7 +95,16 @@ class Describer:
     def describe(
         self, objects: Sequence[GraspObject], grasps: Sequence[GraspPoses], stages: ProgressReporter
     ) -> list[DescribedObject]:
-        """Sense objects, compute features, pair these with grasps, look for collisions; a stage of progress each."""
+        """Sense objects, compute features, pair these with grasps, look for collisions; a stage of progress each.
+
+        Of many objects `TOGETHER` at a time.
+        """
+        blocks = [slice(i, i + TOGETHER) for i in range(0, len(objects), TOGETHER)]
+        return [each for block in blocks for each in self._described(objects[block], grasps[block], stages)]
+
+    def _described(
+        self, objects: Sequence[GraspObject], grasps: Sequence[GraspPoses], stages: ProgressReporter
+    ) -> list[DescribedObject]:
         all_steps = [CachedSteps(self, *each) for each in zip(objects, grasps, strict=True)]
 
         def in_turn(stage: str, work: Callable[[CachedSteps], T], *made: str) -> list[T]:
@@ -95,6 +115,9 @@ class Describer:
             with stages.stage(stage, len(objects), "objects", kept) as advance:
                 return [(advance(1), done)[1] for done in in_parts(work, all_steps, THREADS)]
 
+        if self.cluster is not None:
+            with stages.stage("describing", len(objects), "objects") as advance:
+                self.cluster.describe(all_steps, advance)
         in_turn("sensing", CachedSteps.sense_if_needed, "texlets")
         in_turn("features", lambda steps: steps.features, "features")
         in_turn("particles", lambda steps: steps.pairs, "pairs")
@@ -126,6 +149,7 @@ class CachedSteps:
         self.settings, self.obj, self.grasps = settings, obj, grasps
         self.pairing = AffordanceConfig(**{name: getattr(settings.affordance, name) for name in PAIRING})
         self.made: set[str] = set()
+        self.given: dict[str, dict[str, Tensor]] = {}  # made elsewhere, by step
         surface = (obj.name, obj.mesh.vertices, obj.mesh.faces)
         device, seed, poses = (
             torch.device(settings.device).type,
@@ -203,7 +227,7 @@ class CachedSteps:
         if asked.words:
             around = surroundings(self.features.T_object_feature, asked)
         return DescribedObject(
-            self.features.relations(), self.pairs, self.collides, self.settings.grasp_types, around=around
+            self.features.relations(), self.pairs.narrowed(), self.collides, self.settings.grasp_types, around=around
         )
 
     def generator(self, stream: int) -> torch.Generator:
@@ -216,7 +240,7 @@ class CachedSteps:
 
         def noted() -> dict[str, Tensor]:
             self.made.add(step)
-            return make()
+            return self.given.pop(step) if step in self.given else make()
 
         tensors = self.settings.cache.tensors(step, self.keys[step], noted)
         device = "cpu" if step == "texlets" else self.settings.device

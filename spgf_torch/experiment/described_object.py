@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -66,6 +67,23 @@ class DescribedObject:
     def sample_of_each_type(self, count: int, generator: torch.Generator) -> Tensor:
         """At most `count` of its grasps of each type, drawn at random: indices (C,) int64, ascending."""
         return sample_of_each_type(self.grasp_type, count, generator)
+
+
+class Made(Sequence[DescribedObject]):
+    """Objects that are made of others when they are asked for, and not kept: their pairs are not in memory twice.
+
+    Args:
+        make: the object of a number. numbers: those of the objects, in their order.
+    """
+
+    def __init__(self, make: Callable[[int], DescribedObject], numbers: Sequence[int]) -> None:
+        self.make, self.numbers = make, numbers
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __getitem__(self, i: int) -> DescribedObject:  # type: ignore[override]  # one at a time
+        return self.make(self.numbers[i])
 
 
 def sample_of_each_type(grasp_type: Tensor, count: int, generator: torch.Generator) -> Tensor:

@@ -16,14 +16,18 @@ from spgf_torch.affordance.ranking import GraspScores
 from spgf_torch.cache import Cache
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.cross_validation import calibrate, calibrated_elsewhere, choose
-from spgf_torch.experiment.described_object import DescribedObject
-from spgf_torch.experiment.learning import PrototypeFit, learn_model, side_by_side
+from spgf_torch.experiment.described_object import DescribedObject, Made
+from spgf_torch.experiment.learning import THREADS, PrototypeFit, learn_model, side_by_side
 from spgf_torch.experiment.training_space import TrainingSpace
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.prototypes.constellations import constellations
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.settings import plain
+
+# Pairs of all objects above which spaces are learned one after the other, on all threads together: two side by side
+# would take twice their memory. 50 objects have 30 million.
+PAIRS_SIDE_BY_SIDE = 2**26
 
 
 @dataclass(frozen=True)
@@ -132,9 +136,11 @@ class Experiment:
         given: Callable[[int | None], Tensor] | None = None,
     ) -> Experiment:
         """The experiment that the settings describe."""
-        teach = [e.of_grasps(which) for e, which in zip(examples, teaching(examples, config), strict=True)]
+        which, every = teaching(examples, config), range(len(examples))
+        teach = Made(lambda i: examples[i].of_grasps(which[i]), every)
         generator = torch.Generator().manual_seed(config.seed)
-        sampled = [e.of_grasps(e.sample(config.inner_grasps, generator)) for e in teach]
+        some = [each.sample(config.inner_grasps, generator) for each in teach]
+        sampled = Made(lambda i: teach[i].of_grasps(some[i]), every)
         fit = PrototypeFit(replace(config.prototypes, num_clusters=config.K), config.seed, cache)
         return Experiment(config, design, objects, examples, teach, sampled, fit, given)
 
@@ -169,8 +175,8 @@ class Experiment:
                 models[test] = replace(self.model(test, prototypes), calibration=calibration)
 
         with stages.stage("voting", len(taught), "folds and models" if None in tests else "folds") as advance:
-            side_by_side(work_inside, zip(inner, centres, strict=False), advance)
-            side_by_side(work, zip(tests, centres[len(inner) :], strict=True), advance)
+            side_by_side(work_inside, zip(inner, centres, strict=False), advance, self.spaces_at_once)
+            side_by_side(work, zip(tests, centres[len(inner) :], strict=True), advance, self.spaces_at_once)
         each = [scores[i] for i in range(len(self.examples))]
         if None in models:
             calibration = calibrate(each, [e.outcomes for e in self.examples], self.design.fold.tolist())
@@ -197,6 +203,11 @@ class Experiment:
         """Whether test folds share what inner folds learn: not where prototypes, or words of them, are a fold's."""
         return self.given is None and not self.config.constellations.words
 
+    @property
+    def spaces_at_once(self) -> int:
+        """How many shape-grasp spaces may be in memory together."""
+        return THREADS if sum(len(each.pairs.cell) for each in self.examples) <= PAIRS_SIDE_BY_SIDE else 1
+
     def prototypes(self, which: tuple[int, ...] | int | None) -> Tensor:
         """The prototypes (K, D) of objects, or for the fold of this number (None: for all objects)."""
         if isinstance(which, tuple):
@@ -205,7 +216,7 @@ class Experiment:
 
     def relations(self, objects: Sequence[int]) -> Tensor:
         """(L, D) relations of all features of the objects."""
-        return torch.cat([self.teach[i].relations for i in objects])
+        return torch.cat([self.examples[i].relations for i in objects])
 
     def predict_alone(self, test: int, centres: Tensor) -> tuple[dict[int, GraspScores], Calibration]:
         """As `predict`, by inner folds that serve the fold `test` alone; given prototypes are theirs, too."""
@@ -220,8 +231,9 @@ class Experiment:
         self, taught: Sequence[int], centres: Tensor, held_out: Sequence[tuple[int, int]]
     ) -> dict[tuple[int, int], GraspScores]:
         """What some training objects say of the sampled grasps on those held out; see `Design.inner_folds`."""
-        space = TrainingSpace([self.teach[i] for i in taught], centres, self.config.affordance)
-        return dict(zip(held_out, space.score_grasps([self.sampled[i] for _, i in held_out]), strict=True))
+        space = TrainingSpace(Made(self.teach.__getitem__, taught), centres, self.config.affordance)
+        asking = Made(self.sampled.__getitem__, [i for _, i in held_out])
+        return dict(zip(held_out, space.score_grasps(asking), strict=True))
 
     def predict(
         self, test: int, centres: Tensor, held_out: Mapping[tuple[int, int], GraspScores]
@@ -229,7 +241,7 @@ class Experiment:
         """Predictions on the objects of the fold `test`, by their number, and the training folds' calibration."""
         calibration, chosen = self.nested(test, held_out)
         novel = self.design.novel(test)
-        taught = [self.teach[i] for i in self.design.training(test)]
+        taught = Made(self.teach.__getitem__, self.design.training(test))
         scores = TrainingSpace(taught, centres, self.config.affordance).score_grasps([self.examples[i] for i in novel])
         ranked = [each.calibrated(calibration).with_chosen(chosen) for each in scores]
         return dict(zip(novel, ranked, strict=True)), calibration
@@ -248,7 +260,7 @@ class Experiment:
 
     def model(self, test: int | None, centres: Tensor) -> GraspModel:
         """The model for the objects of the fold `test` (None: of all objects), not yet calibrated."""
-        taught = [self.teach[i] for i in self.design.training(test)]
+        taught = Made(self.teach.__getitem__, self.design.training(test))
         digests = {self.objects[i].name: self.objects[i].digest for i in self.design.training(test)}
         settings = {**plain(self.config), "taught": digests}
         return replace(learn_model(taught, centres, self.config.affordance), settings=settings)

@@ -9,11 +9,11 @@ from typing import TypeVar
 from torch import Tensor
 
 from spgf_torch.affordance.config import AffordanceConfig
-from spgf_torch.affordance.model import GraspModel, learn
+from spgf_torch.affordance.model import GraspModel
 from spgf_torch.cache import Cache, code_fingerprint, fingerprint
 from spgf_torch.experiment.described_object import DescribedObject
+from spgf_torch.experiment.training_space import TrainingSpace
 from spgf_torch.prototypes.config import PrototypeConfig
-from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.threads import in_parts
 
 T = TypeVar("T")
@@ -45,14 +45,18 @@ class PrototypeFit:
 
 def learn_model(examples: Sequence[DescribedObject], centres: Tensor, config: AffordanceConfig) -> GraspModel:
     """Condensed shape-grasp particles (section 3.4) of all examples, given prototypes; not calibrated."""
-    parts = [(e.pairs, assign(e.relations, centres), e.outcomes) for e in examples]
-    return learn(parts, centres, config, len(examples[0].grasp_types))
+    return TrainingSpace(examples, centres, config).model()
 
 
-def side_by_side(work: Callable[[T], R], items: Iterable[T], advance: Callable[[int], None]) -> list[R]:
-    """`work` of each item, in order, on threads in which torch uses one thread each."""
+def side_by_side(
+    work: Callable[[T], R], items: Iterable[T], advance: Callable[[int], None], most: int = THREADS
+) -> list[R]:
+    """`work` of each item, in order, on at most so many threads, in which torch uses one thread each.
+
+    With one at most, the threads share each piece of work instead.
+    """
     results = []
-    for result in in_parts(work, items, THREADS):
+    for result in in_parts(work, items, most):
         results.append(result)
         advance(1)
     return results

@@ -1,4 +1,4 @@
-"""Settings of objects: folders of meshes or descriptions, and their collision pieces."""
+"""Settings of objects: folders of meshes or descriptions, their collision pieces, and objects drawn from families."""
 
 from __future__ import annotations
 
@@ -44,3 +44,17 @@ class ObjectsConfig:
     workers: int = bounded(0, 1024)
     hand: HandConfig = field(default_factory=HandConfig)
     collision: CollisionConfig = field(default_factory=CollisionConfig)
+
+
+@dataclass
+class GenerateConfig:
+    """`python -m spgf_torch.generate`: described objects, drawn from families of shapes."""
+
+    count: int = bounded(1, 1_000_000)
+    seed: int = bounded(0, 2**31 - 1)
+    out: str | None = text()
+    ranges: str = text()
+    families: list[str] | None = field(default=None)
+    lightest: float = bounded(0.001, 5.0)
+    heaviest: float = bounded(0.001, 5.0)
+    pictured: int = bounded(0, 1000)

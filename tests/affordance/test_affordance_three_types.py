@@ -13,7 +13,7 @@ import torch
 from spgf_torch.affordance.calibration import fit_calibration
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import GraspModel, learn, load_model, save_model, vote
-from spgf_torch.affordance.neighbourhood import Condensed, condense, outcome_counts
+from spgf_torch.affordance.neighbourhood import Condensed, condense, partition_counts
 from spgf_torch.affordance.pairs import CellPairs, shape_grasp_particles
 from spgf_torch.affordance.particles import Particles
 from spgf_torch.affordance.ranking import log_odds_gain, point_gains, score_grasps
@@ -62,7 +62,8 @@ def test_particles_of_pairs() -> None:
 
 def test_base_rates_are_each_types_own(particles: Particles, condensed: Condensed) -> None:
     """Type 0: three of four over both prototypes; type 1: none of one; type 2: one of two."""
-    assert outcome_counts(particles, 2).tolist() == [[3, 4], [0, 1], [1, 2]]
+    by_type = partition_counts(particles, 2).view(2, 3, 2).sum(0)
+    assert by_type.tolist() == [[1, 3], [1, 0], [1, 1]]  # failures, successes
     assert condensed.base_rate.tolist() == [0.75, 0.0, 0.5] and condensed.types == TYPES
 
 

@@ -9,7 +9,15 @@ import torch
 
 from spgf_torch.affordance import model as affordance
 from spgf_torch.affordance.config import AffordanceConfig
-from spgf_torch.affordance.neighbourhood import Condensed, Counts, ShapeGraspSpace, analyse, base_rates, condense
+from spgf_torch.affordance.neighbourhood import (
+    Condensed,
+    Counts,
+    ShapeGraspSpace,
+    analyse,
+    base_rates,
+    condense,
+    partition_counts,
+)
 from spgf_torch.affordance.pairs import CellPairs, cell_pairs, grid_of, shape_grasp_particles
 from spgf_torch.affordance.particles import Particles
 from spgf_torch.affordance.voting import NO_POINT, VotingIndex, cast_votes, counted_votes
@@ -118,9 +126,39 @@ def test_four_particles_by_hand() -> None:
 
 
 def test_base_rates_by_hand() -> None:
-    """Two of three; one of one; of none 0."""
-    rates = [base_rates(torch.tensor(counts)).tolist() for counts in ([[2, 3], [1, 1]], [[0, 0], [1, 4]])]
+    """Failures and successes of two prototypes and two types: two of three, one of one; of none 0, one of four."""
+    counts = [[[1, 0], [0, 1], [0, 2], [0, 0]], [[0, 0], [2, 1], [0, 0], [1, 0]]]
+    rates = [base_rates(torch.tensor(each), 2).tolist() for each in counts]
     assert rates == [pytest.approx([2 / 3, 1]), [0, 0.25]]
+
+
+@pytest.mark.parametrize("in_loops", [True, False])
+def test_a_space_is_the_same_whether_its_parts_come_together_or_in_turn(
+    generator: torch.Generator, in_loops: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Parts in any order, one of them empty; the counts of parts add up to those of all."""
+    monkeypatch.setattr("spgf_torch.ops.neighbourhood_analysis.compiled_wanted", lambda: in_loops)
+    particles = random_particles(500, generator)
+    parts = [*split(particles, 3), taken(particles, torch.arange(0))]
+    whole = ShapeGraspSpace.of([particles], PROTOTYPES, GRID).particles
+    counts = sum((partition_counts(part, PROTOTYPES) for part in parts), torch.zeros(6, 2, dtype=torch.int64))
+    assert torch.equal(counts, partition_counts(particles, PROTOTYPES)) and counts.sum() == 500
+    made = ShapeGraspSpace.in_turn((part for part in parts[::-1]), counts, GRID).particles
+    assert all(torch.equal(a, b) and a.dtype == b.dtype for a, b in zip(made, whole, strict=True))
+
+
+def test_narrowed_pairs_say_the_same() -> None:
+    """Two bytes as long as they can count; the same particles, all of them or of some grasps."""
+    feature, grasp = torch.tensor([0, 1, 32767]).int(), torch.tensor([2, 0, 32767]).int()
+    pairs = CellPairs(feature, grasp, torch.tensor([5, 6, 7]).int(), torch.arange(32768) % 2)
+    narrow, ids = pairs.narrowed(), torch.arange(32768)
+    assert narrow.feature.dtype == narrow.grasp.dtype == torch.int16 and narrow.cell is pairs.cell
+    success = torch.arange(32768) % 3 == 0
+    for chosen in (torch.arange(32768), torch.tensor([2, 32767])):
+        a, b = (shape_grasp_particles(p.of_grasps(chosen), ids, 2, success[chosen]) for p in (pairs, narrow))
+        assert all(torch.equal(getattr(a, name), getattr(b, name)) for name in ("partition", "cell", "success"))
+    wide = CellPairs(feature, grasp + 1, pairs.cell, torch.zeros(32769, dtype=torch.int64))
+    assert wide.narrowed() is wide
 
 
 def test_particles_without_outcomes_teach_nothing() -> None:

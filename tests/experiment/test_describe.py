@@ -62,6 +62,12 @@ def same(first: list[DescribedObject], second: list[DescribedObject]) -> bool:
     return all(a.dtype == b.dtype and torch.equal(a, b) for a, b in both)
 
 
+def test_objects_described_one_after_the_other_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    together = described(describer())
+    monkeypatch.setattr(module, "TOGETHER", 1)
+    assert same(described(describer()), together) and together[0].pairs.grasp.dtype == torch.int16
+
+
 def test_a_cache_changes_no_bit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -282,6 +282,8 @@ def test_train_refuses_bad_settings(overrides: list[str], words: list[str], tmp_
         (["device=abacus"], ["device", "abacus"]),
         (["objects=nowhere"], ["nowhere"]),
         (["trials=nowhere"], ["nowhere", "simulate"]),
+        (["address=tcp://here:1"], ["address", "runner=dask"]),
+        (["runner=dask"], ["address", "got none"]),
         (["episode.friction=0.5"], ["parquet", "episode.friction", "0.5"]),
     ],
 )
