@@ -34,6 +34,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
 
     from spgf_torch.affordance.model import check_device
     from spgf_torch.cache import Cache
+    from spgf_torch.evaluation.endings import failure_counts
     from spgf_torch.evaluation.executed import executed_results
     from spgf_torch.evaluation.files import write_json
     from spgf_torch.evaluation.tables import executed_table, scans_table
@@ -44,6 +45,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.objects.folders import read_objects
     from spgf_torch.reporting.figures.failures import failures_picture
     from spgf_torch.simulation.execute import Trials
+    from spgf_torch.simulation.label import Label
 
     check_device(config.device)
     stages = ProgressReporter()
@@ -70,6 +72,10 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     executed = execute_best(objects, grasps, scores, trials, config, stages)
     results = executed_results(outcomes_of(objects, executed, each), config)
     results |= {"learned_from": known, **_judged(executed, scores, config)}
+    if config.episode.robot is not None:
+        results["failures"] = failure_counts(
+            [Label.of(ran.ended[i]) for ran in executed for i in ran.best["CG"].tolist()]
+        )
     write_json(folder / "results.json", results)
     failures = failures_picture(objects, grasps, executed, grippers_of(trials.hand))
     if failures:

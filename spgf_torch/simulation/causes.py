@@ -53,6 +53,14 @@ class Causes:
             fingers=fingers,
         )
 
+    def labels(self, outcomes: Sequence[str]) -> list[Label]:
+        """Of each trial, given its outcome."""
+        columns = (self.phase.tolist(), self.cause.tolist(), self.force.tolist(), self.lost.tolist())
+        return [
+            Label(outcome, PHASES[phase], CAUSES[cause], force, self.fingers[lost])
+            for outcome, phase, cause, force, lost in zip(outcomes, *columns, strict=True)
+        ]
+
     def columns(self) -> dict[str, Any]:
         """By the names of `CAUSE_COLUMNS`."""
         words = dictionary(self.phase, PHASES), dictionary(self.cause, CAUSES)

@@ -32,6 +32,7 @@ class RobotConfig:
     """What a robot adds to a trial, and what it does not know (conf/episode/robot.yaml)."""
 
     floating: float = bounded(0.0, 1.0)
+    rest: str = choice("stable", "upright")
     approach: float = bounded(0.0, 1.0)
     turn_time: float = bounded(0.0, 10.0)
     mass_spread: float = bounded(0.0, 0.95)

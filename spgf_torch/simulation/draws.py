@@ -35,6 +35,12 @@ class StablePoses:
     share: np.ndarray
 
     @staticmethod
+    def upright(obj: GraspObject) -> StablePoses:
+        """Its own z axis up, on its lowest point."""
+        lowest = min(float(part[:, 2].min()) for part in obj.parts)
+        return StablePoses(np.array([[0.0, 0.0, 1.0]]), np.array([lowest]), np.ones(1))
+
+    @staticmethod
     def of(obj: GraspObject) -> StablePoses:
         """Of the hull of its collision pieces, by quasi-static toppling (trimesh: Goldberg et al., IJRR 1999)."""
         points = np.concatenate(obj.parts)

@@ -104,8 +104,7 @@ class Trial:
             return "missed"
         start = self.object.entity.pose
         for acceleration, duration in self._loads():
-            force = (self.mass * acceleration).astype(np.float32)
-            failure = self._load([force] * round(duration / self.config.dt), start)
+            failure = self._load(acceleration, duration, start)
             if failure:
                 return failure
         return "success" if self._held() else "dropped"
@@ -124,7 +123,11 @@ class Trial:
         self.fingers.close()
         self.object.linear_damping = self.object.angular_damping = 0.0
 
-    def _load(self, forces: Sequence[np.ndarray], start: sapien.Pose) -> str | None:
+    def _load(self, acceleration: np.ndarray, duration: float, start: sapien.Pose) -> str | None:
+        """Accelerate the object for a while; the failure, if it moved too far in the hand."""
+        return self._push([(self.mass * acceleration).astype(np.float32)] * round(duration / self.config.dt), start)
+
+    def _push(self, forces: Sequence[np.ndarray], start: sapien.Pose) -> str | None:
         """Push the object with a force (3,) float32, N, at each step; the failure, if it moved too far in the hand."""
         torque, steps = np.zeros(3, dtype=np.float32), len(forces)
         for step, force in enumerate(forces, 1):

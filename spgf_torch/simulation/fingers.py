@@ -26,7 +26,7 @@ class Fingers:
     Attributes:
         places: joint that moves -> its place in `qpos`.
         follow: joints that follow another one that moves. linked: those that do so by the hand's mechanism.
-        targets: joint that closes -> where its drive aims, once it closes.
+        aims: joint that closes -> target of its drive, once it closes.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Fingers:
         self.follow = {n: rule for n, rule in self.rules.items() if n in self.joints and rule.of in self.joints}
         mechanical = {joint.name for joint in robot.joints if joint.mimic}
         self.linked = {name: rule for name, rule in self.follow.items() if name in mechanical}
-        self.targets: dict[str, float] = {}
+        self.aims: dict[str, float] = {}
 
     @property
     def qpos(self) -> np.ndarray:
@@ -70,7 +70,7 @@ class Fingers:
         """
         closing = self.preshape.closing
         most, taken, q = round(closing.time / self.config.dt), 0, self.qpos
-        self.targets = {name: float(q[self.places[name]]) for phase in closing.phases for name in phase}
+        self.aims = {name: float(q[self.places[name]]) for phase in closing.phases for name in phase}
         for phase in closing.phases:
             steps = self._close_phase(phase, most - taken)
             if steps is None:
@@ -81,7 +81,7 @@ class Fingers:
     def _close_phase(self, phase: Mapping[str, float], most: int) -> int | None:
         """Close these joints until all joints that close stand still, twice in a row."""
         window, plan = self._window(), self._plan(phase)
-        watched, least = [self.places[name] for name in self.targets], self._least_motion()
+        watched, least = [self.places[name] for name in self.aims], self._least_motion()
         q = self.qpos
         before, still = [float(q[place]) for place in watched], 0
         for step in range(1, most + 1):
@@ -106,9 +106,9 @@ class Fingers:
         """Move targets on, never back, as far ahead of the joints at `q` as the effort goes; what follows follows."""
         stride = self.preshape.closing.speed * self.config.dt
         for name, joint, place, sign, lead in plan:
-            target = sign * self.targets[name]
-            self.targets[name] = sign * max(target, min(target + stride, sign * float(q[place]) + lead))
-            joint.set_drive_target(self.targets[name])
+            target = sign * self.aims[name]
+            self.aims[name] = sign * max(target, min(target + stride, sign * float(q[place]) + lead))
+            joint.set_drive_target(self.aims[name])
         self.turn(self.follow, q)
 
     @cached_property

@@ -35,6 +35,15 @@ class Label:
     def word(self) -> str:
         return f"{self.outcome}/{self.phase}/{self.cause}/{self.force:.4g}/{self.lost}"
 
+    @property
+    def told(self) -> str:
+        """For people: outcome, what did it, or else when, and which fingers had let go."""
+        what = self.cause if self.cause != "none" else self.phase
+        parts = [what.replace("_", " ")] if what not in ("none", "held") else []
+        if self.lost and self.outcome == "dropped":
+            parts.append(f"without {self.lost.replace('+', ', ')}")
+        return f"{self.outcome} ({', '.join(parts)})" if parts else self.outcome
+
     @staticmethod
     def of(word: str) -> Label:
         """The label of a word. Raises ValueError for a damaged one."""

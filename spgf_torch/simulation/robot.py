@@ -32,7 +32,7 @@ class RobotTrials:
     def __init__(self, obj: GraspObject, hand: Hand, episode: EpisodeConfig, grasp_type: str) -> None:
         assert episode.robot is not None
         self.obj, self.grasp_type, self.config = obj, grasp_type, episode.robot
-        self.poses = StablePoses.of(obj)
+        self.poses = StablePoses.of(obj) if self.config.rest == "stable" else StablePoses.upright(obj)
         self.check = ApproachCheck(obj, hand.preshapes[grasp_type], self.config.approach)
         self.simulator = Simulator(obj, hand, episode)
 
@@ -83,7 +83,7 @@ class RobotTrial(Trial):
             if phase != "lift" and self.table is not None:
                 self.scene.remove_entity(self.table.entity)
                 self.table = None
-            failure = self._load([(self.mass * a).astype(np.float32) for a in accelerations], start)
+            failure = self._push([(self.mass * a).astype(np.float32) for a in accelerations], start)
             if failure:
                 return self._label(failure)
         if not self._held():
