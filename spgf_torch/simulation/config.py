@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from omegaconf import MISSING
+
 from spgf_torch.hands.config import HandConfig, grasp_types
 from spgf_torch.objects.config import ObjectsConfig
 from spgf_torch.settings import bounded, choice, defaults_from, left_out, text
@@ -35,6 +37,7 @@ class RobotConfig:
     rest: str = choice("stable", "upright")
     approach: float = bounded(0.0, 1.0)
     turn_time: float = bounded(0.0, 10.0)
+    fast_forward: bool = MISSING
     mass_spread: float = bounded(0.0, 0.95)
     friction_spread: float = bounded(0.0, 0.95)
     pose_error: float = bounded(0.0, 0.1)

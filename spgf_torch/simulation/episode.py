@@ -16,7 +16,7 @@ import numpy as np
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.simulation.articulation import HandBuilder, physx, pose_of, principal_axes, sapien
 from spgf_torch.simulation.config import EpisodeConfig
-from spgf_torch.simulation.fingers import Fingers
+from spgf_torch.simulation.fingers import Begun, Fingers
 
 if TYPE_CHECKING:
     from spgf_torch.hands.hand import Hand
@@ -117,10 +117,10 @@ class Trial:
         shakes = [(gravity + config.shake_acceleration * way, config.shake_time) for way in DIRECTIONS]
         return [(lift, config.hold_time), *shakes]
 
-    def _close(self) -> None:
-        """Close the fingers while the object is damped."""
+    def _close(self, begun: Begun | None = None) -> None:
+        """Close the fingers while the object is damped; `begun`: go on from there."""
         self.object.linear_damping = self.object.angular_damping = self.config.damping
-        self.fingers.close()
+        self.fingers.close(begun)
         self.object.linear_damping = self.object.angular_damping = 0.0
 
     def _load(self, acceleration: np.ndarray, duration: float, start: sapien.Pose) -> str | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -18,6 +19,16 @@ if TYPE_CHECKING:
 
 # Of joints that close: name, joint in SAPIEN, place in `qpos`, direction, how far ahead its target may run.
 Plan: TypeAlias = list[tuple[str, Any, int, float, float]]
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A closing that has begun: steps since, values and speeds of the joints in SAPIEN's order, targets."""
+
+    steps: int
+    qpos: np.ndarray
+    qvel: np.ndarray
+    aims: Mapping[str, float]
 
 
 class Fingers:
@@ -63,14 +74,19 @@ class Fingers:
                 values[name] = rule.ratio * values[rule.of] + rule.offset
         return values
 
-    def close(self) -> int | None:
+    def close(self, begun: Begun | None = None) -> int | None:
         """Run the targets ahead of the joints, never back, phase by phase, until the fingers stand still.
 
-        Returns the number of steps that it took, or None where `closing.time` ended it.
+        `begun`: go on from there, in the first phase. Returns the number of steps that it took with those, or None
+        where `closing.time` ended it.
         """
         closing = self.preshape.closing
         most, taken, q = round(closing.time / self.config.dt), 0, self.qpos
         self.aims = {name: float(q[self.places[name]]) for phase in closing.phases for name in phase}
+        if begun is not None:
+            taken, self.aims = begun.steps, dict(begun.aims)
+            self.articulation.set_qpos(begun.qpos)
+            self.articulation.set_qvel(begun.qvel)
         for phase in closing.phases:
             steps = self._close_phase(phase, most - taken)
             if steps is None:

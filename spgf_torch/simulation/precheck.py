@@ -22,33 +22,37 @@ class PreCheck:
 
     def __init__(self, obj: GraspObject, preshape: Preshape, way: float = 0.0) -> None:
         """`way`: m that the hand has come straight along its approach; all that it swept counts."""
-        self._object = fcl.CollisionObject(tree([_hull(part) for part in obj.parts]))
+        self._object = fcl.CollisionObject(tree([hull(part) for part in obj.parts]))
         shapes = [_swept(shape, way) for shape in preshape.shapes] if way else list(preshape.shapes)
         self._hand = fcl.CollisionObject(tree(shapes))
         self._request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
 
     def collides(self, T_object_tcp: np.ndarray) -> bool:
         """Whether the open hand at T_object_tcp (4, 4) cuts the object."""
+        return self.cuts(self._hand, T_object_tcp)
+
+    def cuts(self, shapes: fcl.CollisionObject, T_object_tcp: np.ndarray) -> bool:
+        """Whether such shapes in the TCP's frame cut the object."""
         T = np.asarray(T_object_tcp, dtype=np.float64)
-        self._hand.setTransform(fcl.Transform(np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])))
-        return fcl.collide(self._hand, self._object, self._request, fcl.CollisionResult()) > 0
+        shapes.setTransform(fcl.Transform(np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])))
+        return fcl.collide(shapes, self._object, self._request, fcl.CollisionResult()) > 0
 
 
 class ApproachCheck:
     """What a hand that comes straight along its approach meets, by geometry alone."""
 
     def __init__(self, obj: GraspObject, preshape: Preshape, way: float) -> None:
-        self._there, self._swept = PreCheck(obj, preshape), PreCheck(obj, preshape, way)
+        self.there, self._swept = PreCheck(obj, preshape), PreCheck(obj, preshape, way)
         self._points = np.concatenate([np.asarray(shape.vertices) for shape in preshape.shapes])
         self._way = way
 
     def met(self, T_object_tcp: np.ndarray, up: np.ndarray, height: float | None) -> str | None:
         """One of `label.CAUSES`, or None; the table is all below `height` (m) along `up` (3,), None: there is none."""
         if height is not None and self._lowest(T_object_tcp, up) < height:
-            return "object" if self._there.collides(T_object_tcp) else "table"
+            return "object" if self.there.collides(T_object_tcp) else "table"
         if not self._swept.collides(T_object_tcp):
             return None
-        return "object" if self._there.collides(T_object_tcp) else "way"
+        return "object" if self.there.collides(T_object_tcp) else "way"
 
     def _lowest(self, T_object_tcp: np.ndarray, up: np.ndarray) -> float:
         """m along `up`, of the hand anywhere on its way."""
@@ -60,10 +64,11 @@ class ApproachCheck:
 def _swept(shape: trimesh.Trimesh, way: float) -> trimesh.Trimesh:
     """All that a convex shape in the TCP's frame passes on the last `way` m of its approach: convex, too."""
     points = np.asarray(shape.vertices)
-    return _hull(np.concatenate([points, points - [0.0, 0.0, way]]))
+    return hull(np.concatenate([points, points - [0.0, 0.0, way]]))
 
 
-def _hull(points: np.ndarray) -> trimesh.Trimesh:
+def hull(points: np.ndarray) -> trimesh.Trimesh:
+    """The convex hull of points (V, 3), all of which stay vertices."""
     return trimesh.Trimesh(points, ConvexHull(points).simplices, process=False)
 
 

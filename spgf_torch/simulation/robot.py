@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spgf_torch.hands.preshape import Preshape
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.simulation.articulation import physx, pose_of, sapien
 from spgf_torch.simulation.config import EpisodeConfig
 from spgf_torch.simulation.draws import Draw, StablePoses, drawn
 from spgf_torch.simulation.episode import Simulator, Trial
+from spgf_torch.simulation.fast_forward import FastForward
+from spgf_torch.simulation.fingers import Begun
 from spgf_torch.simulation.label import Label
 from spgf_torch.simulation.precheck import ApproachCheck
 
@@ -35,6 +38,10 @@ class RobotTrials:
         self.poses = StablePoses.of(obj) if self.config.rest == "stable" else StablePoses.upright(obj)
         self.check = ApproachCheck(obj, hand.preshapes[grasp_type], self.config.approach)
         self.simulator = Simulator(obj, hand, episode)
+        preshape, self.forward = hand.preshapes[grasp_type], None
+        if self.config.fast_forward and len(preshape.closing.phases) == 1:
+            self.forward = FastForward.of(hand, grasp_type, episode)
+        self.lost = "+".join(group_names(preshape))
 
     def run(self, T_object_tcp: np.ndarray, number: int | None = None) -> Label:
         """How the grasp at T_object_tcp (4, 4) ends in draw `number` (None: `config.draw`)."""
@@ -42,11 +49,21 @@ class RobotTrials:
         draw = drawn(self.obj, self.poses, T_object_tcp, self.config, number)
         if met := self.check.met(draw.T_object_tcp, draw.up, draw.height):
             return Label("collision", "approach", met)
-        return RobotTrial(self.simulator, draw, self.grasp_type).label()
+        begun = None
+        if self.forward is not None:
+            begun = self.forward.until(self.check.there, draw.T_object_tcp, draw.up, draw.height)
+            if begun is None:
+                return Label("missed", "close", "nothing", lost=self.lost)
+        return RobotTrial(self.simulator, draw, self.grasp_type).label(begun)
 
     def robustness(self, T_object_tcp: np.ndarray, draws: int) -> float:
         """Share of so many draws, from the first on, in which the grasp holds."""
         return sum(self.run(T_object_tcp, number).outcome == "success" for number in range(draws)) / draws
+
+
+def group_names(preshape: Preshape) -> list[str]:
+    """Of each opposing group of fingers the links that touch."""
+    return ["+".join(group) for group in preshape.groups]
 
 
 class RobotTrial(Trial):
@@ -60,16 +77,16 @@ class RobotTrial(Trial):
         self.mass = self.object.mass = simulator.obj.mass * draw.mass
         self.object.inertia = simulator.moments * draw.mass
         self.weight = (-self.mass * self.config.gravity * draw.up).astype(np.float32)
-        self.names = ["+".join(group) for group in simulator.hand.preshapes[grasp_type].groups]
+        self.names = group_names(simulator.hand.preshapes[grasp_type])
         self.sunk = 0  # steps that the table has sunk
         self.table = None if draw.height is None else self._add_table(draw.height)
 
     def run(self) -> str:
         return self.label().word
 
-    def label(self) -> Label:
-        """Run the trial."""
-        self._close()
+    def label(self, begun: Begun | None = None) -> Label:
+        """Run the trial; `begun`: from there on."""
+        self._close(begun)
         if not self._touching():
             return self._missed()
         for _ in range(round(self.config.settle_time / self.config.dt)):

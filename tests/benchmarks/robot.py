@@ -104,8 +104,8 @@ class Squeezing:
 
     def add(self, obj: GraspObject, hand: Hand, kind: str, T: np.ndarray) -> None:
         floating, resting = (RobotTrials(obj, hand, config, kind) for config in (self.floating, self.resting))
-        good = [pose for pose in T if floating.run(pose).outcome == "success"]
-        ends = [(pose, label) for pose in good if (label := resting.run(pose)).outcome != "collision"]
+        tried = [(pose, label) for pose in T if (label := resting.run(pose)).outcome != "collision"]
+        ends = [(pose, label) for pose, label in tried if floating.run(pose).outcome == "success"]
         self.ends["running ahead"] += [label for _, label in ends]
         squeeze, Fingers.squeeze = Fingers.squeeze, lambda fingers: fingers.keep_linked()
         try:
