@@ -92,7 +92,7 @@ class RobotTrial(Trial):
         for _ in range(round(self.config.settle_time / self.config.dt)):
             self.fingers.squeeze()
             self._step()
-        if not self._held():
+        if not (touching := self._touching()):
             return self._missed()
         start = self.object.entity.pose
         for phase, accelerations in self._moves():
@@ -101,6 +101,8 @@ class RobotTrial(Trial):
                 self.scene.remove_entity(self.table.entity)
                 self.table = None
             failure = self._push([(self.mass * a).astype(np.float32) for a in accelerations], start)
+            if failure and phase == "lift" and len(touching) < self.touch:
+                return self._missed()
             if failure:
                 return self._label(failure)
         if not self._held():
@@ -164,7 +166,13 @@ class RobotTrial(Trial):
         return pose_of(self._table_axes, self._table_centre - way * self.draw.up)
 
     def _missed(self) -> Label:
-        return self._label("missed", "table" if self._on_table() else "one_side" if self._touching() else "nothing")
+        """Too few fingers had the object before it was lifted.
+
+        Which these are at one moment flickers; so it is lifted if one touches, and that decides.
+        """
+        if self.phase == "lift":
+            return self._label("missed", "one_side")
+        return self._label("missed", "table" if self._on_table() else "nothing")
 
     def _on_table(self) -> bool:
         """Whether a finger presses on the table."""
