@@ -221,9 +221,8 @@ def test_fast_forward_stops_before_anything_is_met(jaw: Hand, width: float) -> N
     assert all(0.0018 < q - width / 2 < 0.0042 for q in begun.qpos)
     assert all(q > begun.aims[name] for q, name in zip(begun.qpos, ("left_joint", "right_joint"), strict=True))
     assert forward.until(check.there, from_above(0.3), UP, None) is None
-    assert (
-        forward.until(check.there, from_above(0.3), UP, 0.26) is not None
-    )  # the tips are 0.05 m below the base's 0.06
+    low = forward.until(check.there, from_above(0.3), UP, 0.295)  # the tips reach 10 mm beyond the TCP
+    assert low is not None and low.steps == 0
 
 
 def test_words_of_labels() -> None:
