@@ -50,6 +50,20 @@ ROOMS = (
 )
 
 
+def test_what_a_robot_adds_is_named_only_where_it_is_given() -> None:
+    """So that the provenance of the paper's episode is what it was."""
+    assert "robot" not in plain(settings(EpisodeConfig)) and "robot" not in plain(SimulateConfig().episode)
+    robot = composed("simulate", "episode=robot")["episode"]
+    assert plain(typed(EpisodeConfig, robot)) == robot and robot["robot"]["mass_spread"] == 0.5
+    fast = composed("simulate", "episode=robot_fast")["episode"]
+    assert {key for key in robot["robot"] if fast["robot"][key] != robot["robot"][key]} == {"fast_forward"}
+    robot["robot"]["floating"] = 2
+    with pytest.raises(InputError, match=r"^robot\.floating: expected a number from 0 to 1, got 2"):
+        typed(EpisodeConfig, robot)
+    with pytest.raises(InputError, match=r"robot\.\w+: expected a value, got none"):
+        typed(EpisodeConfig, {**robot, "robot": {"floating": 0.5}})
+
+
 @pytest.mark.parametrize("kind", ROOMS, ids=lambda kind: kind.__name__)
 def test_every_rooms_defaults_load(kind: Any) -> None:
     loaded = settings(kind)
