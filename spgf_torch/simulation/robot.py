@@ -15,7 +15,7 @@ from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.simulation.articulation import physx, pose_of, sapien
 from spgf_torch.simulation.config import EpisodeConfig
 from spgf_torch.simulation.draws import Draw, StablePoses, drawn
-from spgf_torch.simulation.episode import Simulator, Trial
+from spgf_torch.simulation.episode import CHECK_STEPS, Simulator, Trial
 from spgf_torch.simulation.fast_forward import FastForward
 from spgf_torch.simulation.fingers import Begun
 from spgf_torch.simulation.label import Label
@@ -87,13 +87,15 @@ class RobotTrial(Trial):
     def label(self, begun: Begun | None = None) -> Label:
         """Run the trial; `begun`: from there on."""
         self._close(begun)
-        if not self._touching():
-            return self._missed()
-        for _ in range(round(self.config.settle_time / self.config.dt)):
+        touched = self._touching()
+        for step in range(1, round(self.config.settle_time / self.config.dt) + 1):
             self.fingers.squeeze()
             self._step()
-        if not (touching := self._touching()):
+            if step % CHECK_STEPS == 0:
+                touched |= self._touching()
+        if not touched:
             return self._missed()
+        touching = self._touching()
         start = self.object.entity.pose
         for phase, accelerations in self._moves():
             self.phase = phase
