@@ -69,7 +69,7 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     trials = Trials(load_hand(config.hand), config.episode)
     executed = execute_best(objects, grasps, scores, trials, config, stages)
     results = executed_results(outcomes_of(objects, executed, each), config)
-    results |= {"learned_from": known, **_judged(executed, scores, config)}
+    results |= {"learned_from": known, **_judged(executed, scores, config), **_ended(executed, config)}
     write_json(folder / "results.json", results)
     failures = failures_picture(objects, grasps, executed, grippers_of(trials.hand))
     if failures:
@@ -143,6 +143,17 @@ def _judged(executed: Sequence[Executed], scores: Sequence[Tensor], config: Eval
     success = [ran.success[best].numpy() for ran, best in zip(executed, chosen, strict=True)]
     probability = [score[best].numpy() for score, best in zip(scores, chosen, strict=True)]
     return judged_results(success, probability if config.judge is not None else None, config)
+
+
+def _ended(executed: Sequence[Executed], config: EvaluateConfig) -> dict[str, Any]:
+    """What `results.json` holds more of an episode that knows causes: how many of the best CG grasps failed how."""
+    from spgf_torch.evaluation.endings import failure_counts
+    from spgf_torch.simulation.label import Label
+
+    if config.episode.robot is None:
+        return {}
+    words = [ran.ended[index] for ran in executed for index in ran.best["CG"].tolist()]
+    return {"failures": failure_counts([Label.of(word) for word in words])}
 
 
 def models(config: EvaluateConfig) -> Callable[[GraspObject], LoadedModel]:

@@ -44,8 +44,13 @@ def text(default: Any = MISSING) -> Any:
     return field(default=default)
 
 
-# Mark of a field that what is read from elsewhere must give.
-REQUIRED = "required"
+def left_out() -> Any:
+    """A group of settings that is nothing unless it is given; then `plain` does not name it either."""
+    return field(default=None, metadata={LEFT_OUT: True})
+
+
+# Marks of a field that what is read from elsewhere must give, and of one that is named only where it is given.
+REQUIRED, LEFT_OUT = "required", "left_out"
 
 
 def defaults_from(path: str) -> Callable[[type[T]], type[T]]:
@@ -118,6 +123,17 @@ def typed(kind: type[T], values: Any) -> T:
 def plain(config: Any) -> dict[str, Any]:
     """A settings dataclass as nested dicts and lists of plain Python values."""
     values: dict[str, Any] = _plain(OmegaConf.structured(config))
+    return _named_only(config, values)
+
+
+def _named_only(config: Any, values: dict[str, Any]) -> dict[str, Any]:
+    """`values` of a dataclass without what it leaves out."""
+    for entry in fields(config):
+        value = getattr(config, entry.name)
+        if is_dataclass(value):
+            _named_only(value, values[entry.name])
+        elif value is None and entry.metadata.get(LEFT_OUT):
+            del values[entry.name]
     return values
 
 

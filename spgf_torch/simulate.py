@@ -101,7 +101,8 @@ def executor_of(config: SimulateConfig) -> Executor:
 
 
 def _show_rates(out: Path, objects: Sequence[GraspObject], config: SimulateConfig) -> int:
-    """Chance on the objects that have their table, and types that never held; how many objects these are."""
+    """Chance on the objects that have their table, types that never held, and why; how many objects these are."""
+    from spgf_torch.evaluation.endings import ending_lines
     from spgf_torch.evaluation.paper import is_papers_hand
     from spgf_torch.evaluation.tables import hopeless_types, random_rates
     from spgf_torch.simulation.table import read_table, table_path
@@ -111,7 +112,7 @@ def _show_rates(out: Path, objects: Sequence[GraspObject], config: SimulateConfi
     tables = [read_table(paths[obj.name]) for obj in there]
     if tables:
         show(random_rates([obj.category for obj in there], tables, is_papers_hand(config.hand)))
-        for line in hopeless_types(tables, config.hand.name):
+        for line in (*hopeless_types(tables, config.hand.name), *ending_lines(tables)):
             show(line)
     return len(tables)
 

@@ -20,7 +20,7 @@ from spgf_torch.proposing.config import HypothesesConfig, ProposingConfig
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.sensing.config import SensingConfig
-from spgf_torch.settings import plain, settings, typed
+from spgf_torch.settings import LEFT_OUT, plain, settings, typed
 from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig, SimulateConfig
 
 CONF = Path(__file__).parents[1] / "conf"
@@ -50,11 +50,26 @@ ROOMS = (
 )
 
 
+def test_what_a_robot_adds_is_named_only_where_it_is_given() -> None:
+    """So that the provenance of the paper's episode is what it was."""
+    assert "robot" not in plain(settings(EpisodeConfig)) and "robot" not in plain(SimulateConfig().episode)
+    robot = composed("simulate", "episode=robot")["episode"]
+    assert plain(typed(EpisodeConfig, robot)) == robot and robot["robot"]["mass_spread"] == 0.5
+    fast = composed("simulate", "episode=robot_fast")["episode"]
+    assert {key for key in robot["robot"] if fast["robot"][key] != robot["robot"][key]} == {"fast_forward"}
+    robot["robot"]["floating"] = 2
+    with pytest.raises(InputError, match=r"^robot\.floating: expected a number from 0 to 1, got 2"):
+        typed(EpisodeConfig, robot)
+    with pytest.raises(InputError, match=r"robot\.\w+: expected a value, got none"):
+        typed(EpisodeConfig, {**robot, "robot": {"floating": 0.5}})
+
+
 @pytest.mark.parametrize("kind", ROOMS, ids=lambda kind: kind.__name__)
 def test_every_rooms_defaults_load(kind: Any) -> None:
     loaded = settings(kind)
     written = OmegaConf.load(CONF / kind.DEFAULTS)
-    named = {entry.name for entry in fields(kind)}  # the YAML has every key, and no other; a hand what it needs
+    named = {entry.name for entry in fields(kind) if not entry.metadata.get(LEFT_OUT)}
+    # The YAML has every key, and no other; a hand what it needs.
     assert set(written) < named if kind is HandConfig else set(written) == named
     assert typed(kind, plain(loaded)) == loaded
 

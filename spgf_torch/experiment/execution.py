@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -16,7 +16,7 @@ from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.simulation.candidates import sample_candidates
 from spgf_torch.simulation.config import SamplerConfig
-from spgf_torch.simulation.execute import Trials, execute
+from spgf_torch.simulation.execute import Trials, codes, execute_words
 from spgf_torch.simulation.table import OUTCOMES
 
 SUCCESS = OUTCOMES.index("success")
@@ -31,12 +31,14 @@ class Executed:
         success: (G,) bool; meaningful where `ran`.
         ran: (G,) bool, which grasps were executed: the best ones and the random sample.
         random: grasp type -> indices (R,) int64 of the random sample.
+        ended: index of a grasp that ran -> how it ended (a word of `label.Label`).
     """
 
     best: dict[str, Tensor]
     success: Tensor
     ran: Tensor
     random: dict[str, Tensor]
+    ended: Mapping[int, str] = field(default_factory=dict)
 
     def rate(self, chosen: Tensor) -> float:
         """Share of successes among the grasps `chosen`; of none it is 0."""
@@ -97,9 +99,11 @@ def execute_best(
     ]
     success = [torch.zeros(len(g.grasp_type), dtype=torch.bool) for g in grasps]
     ran = [torch.zeros_like(s) for s in success]
+    ended: list[dict[int, str]] = [{} for _ in success]
     with stages.stage("trials", sum(map(len, chosen)), "grasps") as advance:
-        outcomes = execute(requests, trials, config.workers, lambda _, done: advance(done))
-        for (i, _), which, codes in zip(pairs, chosen, outcomes, strict=True):
-            success[i][which] = codes == SUCCESS
+        outcomes = execute_words(requests, trials, config.workers, lambda _, done: advance(done))
+        for (i, _), which, words in zip(pairs, chosen, outcomes, strict=True):
+            success[i][which] = codes(words) == SUCCESS
             ran[i][which] = True
-    return [Executed(*row) for row in zip(best, success, ran, random, strict=True)]
+            ended[i] |= zip(which.tolist(), words, strict=True)
+    return [Executed(*row) for row in zip(best, success, ran, random, ended, strict=True)]

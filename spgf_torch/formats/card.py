@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from spgf_torch.formats.trial_sets import TrialSet
 from spgf_torch.objects.config import CLASSES
 from spgf_torch.paths import find, root
 from spgf_torch.settings import plain
+from spgf_torch.simulation.causes import has_causes
 from spgf_torch.simulation.table import OUTCOMES
 
 SCHEMA = 1
@@ -165,7 +166,7 @@ object and a SHA-256 of every file.
 {chr(10).join(rows)}
 
 Outcomes: {outcomes}. Success means that SAPIEN {made["versions"].get("sapien", "")} held the object while it was lifted
-and shaken: friction {made["episode"]["friction"]:g}, rigid bodies, no table, no arm.
+and shaken: friction {made["episode"]["friction"]:g}, rigid bodies, {_beside(made["episode"])}, no arm.
 
 ## Files
 
@@ -209,6 +210,13 @@ def _rate(tables: Iterable[Any], code: int) -> dict[str, float]:
         "success": int(success.sum()),
         "rate": round(float(success.mean()), 6) if len(success) else 0.0,
     }
+
+
+def _beside(episode: Mapping[str, Any]) -> str:
+    """What else there was, of an episode's plain values."""
+    if not has_causes(episode):
+        return "no table"
+    return "from a table or out of the air, turned, with mass, friction and pose drawn for each trial"
 
 
 def _cell(block: dict[str, float]) -> str:

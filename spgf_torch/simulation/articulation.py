@@ -113,6 +113,10 @@ class HandBuilder:
             if link in links
         ]
 
+    def body_of(self, link: str) -> str:
+        """The body that has the collision shapes of a link of the URDF."""
+        return next(body for body, links in self._shape_links.items() if link in links)
+
 
 class _Unseen(URDFLoader):
     """Leaves the visual shapes out: even to parse their colours SAPIEN would need a renderer."""

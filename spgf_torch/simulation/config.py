@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from omegaconf import MISSING
+
 from spgf_torch.hands.config import HandConfig, grasp_types
 from spgf_torch.objects.config import ObjectsConfig
-from spgf_torch.settings import bounded, choice, defaults_from, text
+from spgf_torch.settings import bounded, choice, defaults_from, left_out, text
 
 # Samplers of candidate grasps.
 SURFACE_PAIRS, APPROACH = "surface_pairs", "approach"
@@ -25,6 +27,22 @@ class SamplerConfig:
 def samplers_of(hand: HandConfig) -> dict[str, str]:
     """Grasp type -> the sampler of its candidates (`candidates.SAMPLERS`), in the order of the types' codes."""
     return {name: hand.preshapes[name].sampler for name in grasp_types(hand)}
+
+
+@dataclass
+class RobotConfig:
+    """What a robot adds to a trial, and what it does not know (conf/episode/robot.yaml)."""
+
+    floating: float = bounded(0.0, 1.0)
+    rest: str = choice("stable", "upright")
+    approach: float = bounded(0.0, 1.0)
+    turn_time: float = bounded(0.0, 10.0)
+    fast_forward: bool = MISSING
+    mass_spread: float = bounded(0.0, 0.95)
+    friction_spread: float = bounded(0.0, 0.95)
+    pose_error: float = bounded(0.0, 0.1)
+    pose_error_deg: float = bounded(0.0, 90.0)
+    draw: int = bounded(0, 2**31 - 1)
 
 
 @dataclass
@@ -50,6 +68,7 @@ class EpisodeConfig:
     gravity: float = bounded(0.0, 100.0)
     max_slip: float = bounded(0.0, 1.0)
     max_rotation_deg: float = bounded(0.0, 180.0)
+    robot: RobotConfig | None = left_out()
 
 
 @dataclass

@@ -8,6 +8,7 @@ Every trial has a scene of its own: a reused one is neither exact nor free of le
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.simulation.articulation import HandBuilder, physx, pose_of, principal_axes, sapien
 from spgf_torch.simulation.config import EpisodeConfig
-from spgf_torch.simulation.fingers import Fingers
+from spgf_torch.simulation.fingers import Begun, Fingers
 
 if TYPE_CHECKING:
     from spgf_torch.hands.hand import Hand
@@ -31,15 +32,15 @@ class Simulator:
     def __init__(self, obj: GraspObject, hand: Hand, config: EpisodeConfig) -> None:
         self.obj, self.hand, self.config = obj, hand, config
         configure(config)
-        self._material = physx.PhysxMaterial(config.friction, config.friction, 0.0)
+        self.material = physx.PhysxMaterial(config.friction, config.friction, 0.0)
         self._builders: dict[str, HandBuilder] = {}
         self._parts = [
             physx.PhysxCollisionShapeConvexMesh(
-                vertices=np.asarray(part, dtype=np.float32), scale=[1, 1, 1], material=self._material
+                vertices=np.asarray(part, dtype=np.float32), scale=[1, 1, 1], material=self.material
             )
             for part in obj.parts
         ]
-        self._moments, axes = principal_axes(obj.inertia)
+        self.moments, axes = principal_axes(obj.inertia)
         self._cmass = pose_of(axes, obj.com)
 
     def run(self, T_object_tcp: np.ndarray, grasp_type: str) -> str:
@@ -50,7 +51,7 @@ class Simulator:
         """What builds the hand for grasps of one type."""
         if grasp_type not in self._builders:
             preshape = self.hand.preshapes[grasp_type]
-            self._builders[grasp_type] = HandBuilder(self.hand.robot, preshape, self._material)
+            self._builders[grasp_type] = HandBuilder(self.hand.robot, preshape, self.material)
         return self._builders[grasp_type]
 
     def add_object(self, scene: sapien.Scene) -> physx.PhysxRigidDynamicComponent:
@@ -59,7 +60,7 @@ class Simulator:
             body.attach(part)
         body.mass = self.obj.mass
         body.cmass_local_pose = self._cmass
-        body.inertia = self._moments
+        body.inertia = self.moments
         body.max_depenetration_velocity = self.config.depenetration
         entity = sapien.Entity()
         entity.add_component(body)
@@ -116,25 +117,32 @@ class Trial:
         shakes = [(gravity + config.shake_acceleration * way, config.shake_time) for way in DIRECTIONS]
         return [(lift, config.hold_time), *shakes]
 
-    def _close(self) -> None:
-        """Close the fingers while the object is damped."""
+    def _close(self, begun: Begun | None = None) -> None:
+        """Close the fingers while the object is damped; `begun`: go on from there."""
         self.object.linear_damping = self.object.angular_damping = self.config.damping
-        self.fingers.close()
+        self.fingers.close(begun)
         self.object.linear_damping = self.object.angular_damping = 0.0
 
     def _load(self, acceleration: np.ndarray, duration: float, start: sapien.Pose) -> str | None:
         """Accelerate the object for a while; the failure, if it moved too far in the hand."""
-        force, torque = (self.mass * acceleration).astype(np.float32), np.zeros(3, dtype=np.float32)
-        steps = round(duration / self.config.dt)
-        for step in range(1, steps + 1):
+        return self._push([(self.mass * acceleration).astype(np.float32)] * round(duration / self.config.dt), start)
+
+    def _push(self, forces: Sequence[np.ndarray], start: sapien.Pose) -> str | None:
+        """Push the object with a force (3,) float32, N, at each step; the failure, if it moved too far in the hand."""
+        torque, steps = np.zeros(3, dtype=np.float32), len(forces)
+        for step, force in enumerate(forces, 1):
             self.object.add_force_torque(force, torque)
-            self.fingers.keep_linked()
+            self._drive()
             self.system.step()
             if step % CHECK_STEPS == 0 or step == steps:
                 failure = self._failure(start)
                 if failure:
                     return failure
         return None
+
+    def _drive(self) -> None:
+        """Set the drives for a step under load."""
+        self.fingers.keep_linked()
 
     def _failure(self, start: sapien.Pose) -> str | None:
         """How the object has left its place in the hand since `start`, if it has: slip is measured at the TCP."""

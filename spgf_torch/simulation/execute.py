@@ -16,8 +16,10 @@ from torch import Tensor
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.settings import plain, settings
 from spgf_torch.simulation.candidates import sample_poses
+from spgf_torch.simulation.causes import Causes, has_causes
 from spgf_torch.simulation.config import APPROACH, SamplerConfig
 from spgf_torch.simulation.executors import Executor, Task, executor_of
+from spgf_torch.simulation.label import Label, outcome_of
 from spgf_torch.simulation.table import OUTCOMES, Provenance, TrialTable, pose_matrix
 from spgf_torch.simulation.worker import Case, ChunkResult, Trials
 
@@ -101,7 +103,7 @@ def sample(obj: GraspObject, provenance: Provenance, samplers: Mapping[str, str]
     return Poses(position, quaternion, tuple(samplers))
 
 
-def table_of(provenance: Provenance, poses: Poses, outcome: Tensor) -> TrialTable:
+def table_of(provenance: Provenance, poses: Poses, outcome: Tensor, causes: Causes | None = None) -> TrialTable:
     """Make the table of an object from its candidates and their outcomes (M,) int64."""
     return TrialTable(
         provenance=provenance,
@@ -111,7 +113,14 @@ def table_of(provenance: Provenance, poses: Poses, outcome: Tensor) -> TrialTabl
         outcome=outcome,
         versions=versions(),
         grasp_types=poses.grasp_types,
+        causes=causes,
     )
+
+
+def ended_table(provenance: Provenance, poses: Poses, ended: Sequence[str]) -> TrialTable:
+    """Make the table of an object from its candidates and how each ended (`label.Label`)."""
+    causes = Causes.of([Label.of(word) for word in ended]) if has_causes(provenance.episode) else None
+    return table_of(provenance, poses, codes(ended), causes)
 
 
 def versions() -> dict[str, str]:
@@ -139,9 +148,9 @@ def simulate(
         for obj, its in zip(objects, poses, strict=True)
         for index, grasp_type in enumerate(trials.grasp_types)
     ]
-    outcomes = execute(requests, trials, workers, progress)
+    ended = execute_words(requests, trials, workers, progress)
     for its_provenance, its_poses in zip(provenances, poses, strict=True):
-        yield table_of(its_provenance, its_poses, torch.cat([next(outcomes) for _ in trials.grasp_types]))
+        yield ended_table(its_provenance, its_poses, [word for _ in trials.grasp_types for word in next(ended)])
 
 
 def execute(
@@ -151,6 +160,20 @@ def execute(
     progress: Callable[[str, int], None] = lambda name, done: None,
 ) -> Iterator[Tensor]:
     """Yield for each (object, grasp type, T_object_tcp (M, 4, 4)) the outcomes (M,) int64, codes into `OUTCOMES`.
+
+    Arguments and errors as of `execute_words`.
+    """
+    for words in execute_words(requests, trials, workers, progress):
+        yield codes(words)
+
+
+def execute_words(
+    requests: Iterable[tuple[GraspObject, str, Tensor]],
+    trials: Trials,
+    workers: int | Executor = 0,
+    progress: Callable[[str, int], None] = lambda name, done: None,
+) -> Iterator[list[str]]:
+    """Yield for each (object, grasp type, T_object_tcp (M, 4, 4)) how each grasp ended: words of `label.Label`.
 
     `workers`: processes, 0 = one a core, 1 = this one; or an executor. `progress(name, done)` is called whenever
     `done` more candidates of an object have ended. Raises TrialError where one has no outcome.
@@ -162,22 +185,20 @@ def execute(
         for first in range(0, len(T), CHUNK)
     ]
     executor = executor_of(workers) if isinstance(workers, int) else workers
-    outcomes: list[list[str | None]] = [[] for _ in cases]
+    outcomes: list[list[str]] = [[] for _ in cases]
     ended = 0
     for task, result in _in_order(executor, tasks):
         index, _ = task.name
-        for words in outcomes[ended:index]:
-            yield codes(words)
+        yield from outcomes[ended:index]
         ended = index
-        outcomes[index] += _complete(task, result).outcomes
+        outcomes[index] += _complete(task, result)
         progress(task.case.obj.name, len(result.outcomes))
-    for words in outcomes[ended:]:
-        yield codes(words)
+    yield from outcomes[ended:]
 
 
 def codes(outcomes: Sequence[str | None]) -> Tensor:
-    """Return (M,) int64, the index of each outcome in `OUTCOMES`."""
-    return torch.tensor([OUTCOMES.index(word) for word in outcomes if word], dtype=torch.int64)
+    """Return (M,) int64, the index in `OUTCOMES` of how each ended."""
+    return torch.tensor([OUTCOMES.index(outcome_of(word)) for word in outcomes if word], dtype=torch.int64)
 
 
 def _in_order(executor: Executor, tasks: Sequence[Task]) -> Iterator[tuple[Task, ChunkResult]]:
@@ -193,8 +214,8 @@ def _in_order(executor: Executor, tasks: Sequence[Task]) -> Iterator[tuple[Task,
                 next_up += 1
 
 
-def _complete(task: Task, ended: ChunkResult) -> ChunkResult:
+def _complete(task: Task, ended: ChunkResult) -> list[str]:
     reason = ended.unbuilt or next(iter(ended.reasons.values()), "")
     if reason:
         raise TrialError(f"{task.case.obj.name} {task.case.grasp_type}: {reason}")
-    return ended
+    return [word for word in ended.outcomes if word]

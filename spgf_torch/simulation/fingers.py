@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -15,6 +17,19 @@ from spgf_torch.simulation.config import EpisodeConfig
 if TYPE_CHECKING:
     from sapien import physx
 
+# Of joints that close: name, joint in SAPIEN, place in `qpos`, direction, how far ahead its target may run.
+Plan: TypeAlias = list[tuple[str, Any, int, float, float]]
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A closing that has begun: steps since, values and speeds of the joints in SAPIEN's order, targets."""
+
+    steps: int
+    qpos: np.ndarray
+    qvel: np.ndarray
+    aims: Mapping[str, float]
+
 
 class Fingers:
     """The fingers of one articulation, set to the open hand; `step` advances the scene that they are in.
@@ -22,6 +37,7 @@ class Fingers:
     Attributes:
         places: joint that moves -> its place in `qpos`.
         follow: joints that follow another one that moves. linked: those that do so by the hand's mechanism.
+        aims: joint that closes -> target of its drive, once it closes.
     """
 
     def __init__(
@@ -44,6 +60,7 @@ class Fingers:
         self.follow = {n: rule for n, rule in self.rules.items() if n in self.joints and rule.of in self.joints}
         mechanical = {joint.name for joint in robot.joints if joint.mimic}
         self.linked = {name: rule for name, rule in self.follow.items() if name in mechanical}
+        self.aims: dict[str, float] = {}
 
     @property
     def qpos(self) -> np.ndarray:
@@ -57,37 +74,34 @@ class Fingers:
                 values[name] = rule.ratio * values[rule.of] + rule.offset
         return values
 
-    def close(self) -> int | None:
+    def close(self, begun: Begun | None = None) -> int | None:
         """Run the targets ahead of the joints, never back, phase by phase, until the fingers stand still.
 
-        Returns the number of steps that it took, or None where `closing.time` ended it.
+        `begun`: go on from there, in the first phase. Returns the number of steps that it took with those, or None
+        where `closing.time` ended it.
         """
         closing = self.preshape.closing
         most, taken, q = round(closing.time / self.config.dt), 0, self.qpos
-        targets = {name: float(q[self.places[name]]) for phase in closing.phases for name in phase}
+        self.aims = {name: float(q[self.places[name]]) for phase in closing.phases for name in phase}
+        if begun is not None:
+            taken, self.aims = begun.steps, dict(begun.aims)
+            self.articulation.set_qpos(begun.qpos)
+            self.articulation.set_qvel(begun.qvel)
         for phase in closing.phases:
-            steps = self._close_phase(phase, targets, most - taken)
+            steps = self._close_phase(phase, most - taken)
             if steps is None:
                 return None
             taken += steps
         return taken
 
-    def _close_phase(self, phase: Mapping[str, float], targets: dict[str, float], most: int) -> int | None:
+    def _close_phase(self, phase: Mapping[str, float], most: int) -> int | None:
         """Close these joints until all joints that close stand still, twice in a row."""
-        stride, window = self.preshape.closing.speed * self.config.dt, self._window()
-        plan = [
-            (name, self.joints[name], self.places[name], math.copysign(1.0, share), self._lead(name, share))
-            for name, share in phase.items()
-        ]
-        watched, least = [self.places[name] for name in targets], self._least_motion()
+        window, plan = self._window(), self._plan(phase)
+        watched, least = [self.places[name] for name in self.aims], self._least_motion()
         q = self.qpos
         before, still = [float(q[place]) for place in watched], 0
         for step in range(1, most + 1):
-            for name, joint, place, sign, lead in plan:
-                target = sign * targets[name]
-                targets[name] = sign * max(target, min(target + stride, sign * float(q[place]) + lead))
-                joint.set_drive_target(targets[name])
-            self.turn(self.follow, q)
+            self._run_ahead(plan, q)
             self.step()
             q = self.qpos
             if step % window == 0:
@@ -97,6 +111,30 @@ class Fingers:
                 if still == 2:
                     return step
         return None
+
+    def _plan(self, phase: Mapping[str, float]) -> Plan:
+        return [
+            (name, self.joints[name], self.places[name], math.copysign(1.0, share), self._lead(name, share))
+            for name, share in phase.items()
+        ]
+
+    def _run_ahead(self, plan: Plan, q: np.ndarray) -> None:
+        """Move targets on, never back, as far ahead of the joints at `q` as the effort goes; what follows follows."""
+        stride = self.preshape.closing.speed * self.config.dt
+        for name, joint, place, sign, lead in plan:
+            target = sign * self.aims[name]
+            self.aims[name] = sign * max(target, min(target + stride, sign * float(q[place]) + lead))
+            joint.set_drive_target(self.aims[name])
+        self.turn(self.follow, q)
+
+    @cached_property
+    def _squeezing(self) -> Plan:
+        """All that closes, with its share in the last phase that moves it."""
+        return self._plan({name: share for phase in self.preshape.closing.phases for name, share in phase.items()})
+
+    def squeeze(self) -> None:
+        """Keep the effort up, whatever the object does: targets run on ahead of the joints."""
+        self._run_ahead(self._squeezing, self.qpos)
 
     def _window(self) -> int:
         return max(1, round(self.config.stall_window / self.config.dt))

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.simulation.execute import Poses, codes, sample, table_of
+from spgf_torch.simulation.execute import Poses, ended_table, sample
 from spgf_torch.simulation.executors import Executor, Task
 from spgf_torch.simulation.run_state import RunState
 from spgf_torch.simulation.table import Provenance, read_tables, table_path, write_table
@@ -42,7 +42,7 @@ class OpenObject:
     """An object whose trials are running.
 
     Attributes:
-        outcomes: of each row of its table, None where there is none yet.
+        outcomes: of each row of its table how it ended, None where there is none yet.
         left: rows whose trial has not ended.
         tried: rows that have an outcome.
         reasons: row -> why a trial of this call has no outcome.
@@ -137,8 +137,8 @@ class Generation:
         if it.reasons and self.plan.failed_as is None:
             self._fail(it.provenance, f"{len(it.reasons)} trials without an outcome", it.tried, _failures(it))
             return
-        outcome = codes([word or self.plan.failed_as for word in it.outcomes])
-        write_table(table_path(self.run_state.folder, it.obj.name), table_of(it.provenance, it.poses, outcome))
+        ended = [word or str(self.plan.failed_as) for word in it.outcomes]
+        write_table(table_path(self.run_state.folder, it.obj.name), ended_table(it.provenance, it.poses, ended))
         self.run_state.done(it.provenance)
 
     def _fail(self, provenance: Provenance, reason: str, trials: int = 0, failures: Sequence[dict] = ()) -> None:

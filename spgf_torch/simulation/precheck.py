@@ -1,4 +1,7 @@
-"""Does the open hand already touch the object? (FCL.) Without this PhysX would push the object out of the hand."""
+"""Does the open hand already touch the object, or meet it or a table on its way there? (FCL.)
+
+Without this PhysX would push the object out of the hand.
+"""
 
 from __future__ import annotations
 
@@ -17,19 +20,55 @@ class PreCheck:
     Surfaces suffice: the hand is too large to lie inside a part, and a part too large to lie inside one of its links.
     """
 
-    def __init__(self, obj: GraspObject, preshape: Preshape) -> None:
-        self._object = fcl.CollisionObject(tree([_hull(part) for part in obj.parts]))
-        self._hand = fcl.CollisionObject(tree(list(preshape.shapes)))
+    def __init__(self, obj: GraspObject, preshape: Preshape, way: float = 0.0) -> None:
+        """`way`: m that the hand has come straight along its approach; all that it swept counts."""
+        self._object = fcl.CollisionObject(tree([hull(part) for part in obj.parts]))
+        shapes = [_swept(shape, way) for shape in preshape.shapes] if way else list(preshape.shapes)
+        self._hand = fcl.CollisionObject(tree(shapes))
         self._request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
 
     def collides(self, T_object_tcp: np.ndarray) -> bool:
         """Whether the open hand at T_object_tcp (4, 4) cuts the object."""
+        return self.cuts(self._hand, T_object_tcp)
+
+    def cuts(self, shapes: fcl.CollisionObject, T_object_tcp: np.ndarray) -> bool:
+        """Whether such shapes in the TCP's frame cut the object."""
         T = np.asarray(T_object_tcp, dtype=np.float64)
-        self._hand.setTransform(fcl.Transform(np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])))
-        return fcl.collide(self._hand, self._object, self._request, fcl.CollisionResult()) > 0
+        shapes.setTransform(fcl.Transform(np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3])))
+        return fcl.collide(shapes, self._object, self._request, fcl.CollisionResult()) > 0
 
 
-def _hull(points: np.ndarray) -> trimesh.Trimesh:
+class ApproachCheck:
+    """What a hand that comes straight along its approach meets, by geometry alone."""
+
+    def __init__(self, obj: GraspObject, preshape: Preshape, way: float) -> None:
+        self.there, self._swept = PreCheck(obj, preshape), PreCheck(obj, preshape, way)
+        self._points = np.concatenate([np.asarray(shape.vertices) for shape in preshape.shapes])
+        self._way = way
+
+    def met(self, T_object_tcp: np.ndarray, up: np.ndarray, height: float | None) -> str | None:
+        """One of `label.CAUSES`, or None; the table is all below `height` (m) along `up` (3,), None: there is none."""
+        if height is not None and self._lowest(T_object_tcp, up) < height:
+            return "object" if self.there.collides(T_object_tcp) else "table"
+        if not self._swept.collides(T_object_tcp):
+            return None
+        return "object" if self.there.collides(T_object_tcp) else "way"
+
+    def _lowest(self, T_object_tcp: np.ndarray, up: np.ndarray) -> float:
+        """m along `up`, of the hand anywhere on its way."""
+        along = up @ T_object_tcp[:3, :3]
+        there = float((self._points @ along).min() + up @ T_object_tcp[:3, 3])
+        return min(there, there - self._way * float(along[2]))
+
+
+def _swept(shape: trimesh.Trimesh, way: float) -> trimesh.Trimesh:
+    """All that a convex shape in the TCP's frame passes on the last `way` m of its approach: convex, too."""
+    points = np.asarray(shape.vertices)
+    return hull(np.concatenate([points, points - [0.0, 0.0, way]]))
+
+
+def hull(points: np.ndarray) -> trimesh.Trimesh:
+    """The convex hull of points (V, 3), all of which stay vertices."""
     return trimesh.Trimesh(points, ConvexHull(points).simplices, process=False)
 
 

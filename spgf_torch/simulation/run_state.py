@@ -24,6 +24,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.files.digests import sealed_json
 from spgf_torch.files.reading import json_values
 from spgf_torch.files.writing import parts_in, sync, write_bytes
+from spgf_torch.simulation.label import outcome_of
 from spgf_torch.simulation.table import OUTCOMES, Provenance, compare
 
 SCHEMA = 1
@@ -235,7 +236,9 @@ def _read_shard(path: Path) -> dict[str, Any] | None:
     try:
         content = json.loads(path.read_bytes())
         checksum = content.pop("checksum")
-        whole = checksum == _checksum(content) and all(word is None or word in OUTCOMES for word in content["outcomes"])
+        whole = checksum == _checksum(content) and all(
+            word is None or outcome_of(word) in OUTCOMES for word in content["outcomes"]
+        )
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
     return content if whole else None

@@ -1,7 +1,8 @@
 """The trial table: one Parquet file an object, candidates and their outcomes. Does not import sapien.
 
 Columns: index (int32), type and outcome (dictionaries of words), position x y z (m) and quaternion w x y z of
-T_object_tcp (float32). The file's metadata hold everything that the outcomes depend on (`Provenance`).
+T_object_tcp (float32); of a robot's episode also why each ended (`causes`). The file's metadata hold everything that
+the outcomes depend on (`Provenance`).
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import torch
 from torch import Tensor
@@ -28,6 +28,8 @@ from spgf_torch.files.parquet import parquet_table
 from spgf_torch.files.reading import existing, json_of, unreadable
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.geometry import se3
+from spgf_torch.simulation.causes import CAUSE_COLUMNS, Causes, has_causes
+from spgf_torch.simulation.columns import codes_in, dictionary, floats, words_of
 
 SCHEMA = 1
 OUTCOMES = ("success", "collision", "missed", "dropped", "slipped", "rotated")
@@ -71,6 +73,7 @@ class TrialTable:
         outcome: (M,) int64, index into `OUTCOMES`.
         versions: package -> version that made it.
         grasp_types: names of the hand's grasp types, sorted.
+        causes: why each ended; None of an episode that does not know.
     """
 
     provenance: Provenance
@@ -80,6 +83,7 @@ class TrialTable:
     outcome: Tensor
     versions: dict[str, str]
     grasp_types: tuple[str, ...]
+    causes: Causes | None = None
 
     @property
     def object_name(self) -> str:
@@ -115,7 +119,8 @@ def table_path(folder: Path, object_name: str) -> Path:
 def write_table(path: Path, table: TrialTable) -> None:
     """Write `table` with its seal, atomically."""
     about = {"schema": SCHEMA, "origin": asdict(table.provenance), "versions": table.versions}
-    write_columns(path, columns_of(table), {KEY: json.dumps(about, sort_keys=True)})
+    columns = columns_of(table) | (table.causes.columns() if table.causes else {})
+    write_columns(path, columns, {KEY: json.dumps(about, sort_keys=True)})
 
 
 def columns_of(table: Any) -> dict[str, Any]:
@@ -147,7 +152,7 @@ def read_table(path: Path) -> TrialTable:
     if not path.is_file():
         raise InputError(f"{path}: expected a trial table, got no such file (make it: python -m spgf_torch.simulate)")
     check_seal(existing(path), "a trial table")
-    content = parquet_table(path, "a trial table", COLUMNS, MOST_ROWS)
+    content = parquet_table(path, "a trial table", COLUMNS + CAUSE_COLUMNS, MOST_ROWS)
     try:
         return _decoded(path, content)
     except InputError:
@@ -163,14 +168,16 @@ def _decoded(path: Path, content: pa.Table) -> TrialTable:
             f"{path}: expected a trial table of schema {SCHEMA}, got {about.get('schema', 'a foreign file')}"
         )
     names = words_of(content, "type")
+    provenance = Provenance(**about["origin"])
     table = TrialTable(
-        provenance=Provenance(**about["origin"]),
+        provenance=provenance,
         position=floats(content, POSITION),
         quaternion=floats(content, QUATERNION),
         grasp_type=codes_in(path, content, "type", names),
         outcome=codes_in(path, content, "outcome", OUTCOMES),
         versions=about["versions"],
         grasp_types=names,
+        causes=Causes.read(path, content) if has_causes(provenance.episode) else None,
     )
     rows, counts = table.provenance.candidates, torch.bincount(table.grasp_type, minlength=len(names)).tolist()
     if set(counts) != {rows}:
@@ -228,29 +235,3 @@ def compare(path: Path, expected: Provenance, got: Provenance) -> None:
 def _short(value: Any) -> str:
     text = str(value)
     return text if len(text) <= 40 else text[:12] + "..."
-
-
-def dictionary(codes: Tensor, words: tuple[str, ...]) -> pa.DictionaryArray:
-    """A column of words from codes (M,) into them."""
-    return pa.DictionaryArray.from_arrays(pa.array(codes.numpy().astype(np.int8)), pa.array(words))
-
-
-def codes_in(path: Path, content: pa.Table, column: str, words: tuple[str, ...]) -> Tensor:
-    """(M,) int64 into `words`, of a column of them. Raises InputError for other words."""
-    values = content[column].cast(pa.string())
-    codes = pc.index_in(values, pa.array(words, pa.string()))
-    if codes.null_count:
-        unknown = set(values.to_pylist()) - set(words)
-        raise InputError(f"{path}: expected {column} one of {', '.join(words)}; got {min(map(str, unknown))}")
-    return torch.from_numpy(codes.to_numpy().astype(np.int64))
-
-
-def words_of(content: pa.Table, column: str) -> tuple[str, ...]:
-    """The words that occur in a column of them, sorted."""
-    found = pc.unique(content[column].cast(pa.string())).to_pylist()
-    return tuple(sorted(word for word in found if word is not None))
-
-
-def floats(content: pa.Table, columns: tuple[str, ...]) -> Tensor:
-    """(M, columns) float32."""
-    return torch.from_numpy(np.column_stack([content[name].to_numpy() for name in columns]).astype(np.float32))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # Loading an object may take so many times the time limit of a trial: the first one loads the simulator.
 BUILDING = 10
 
-# T_object_tcp (4, 4) -> one of `table.OUTCOMES`.
+# T_object_tcp (4, 4) -> how it ended, a word of `label.Label`: one of `table.OUTCOMES` alone, or with a cause.
 TrialFunction = Callable[[np.ndarray], str]
 
 
@@ -49,7 +49,11 @@ def physics(obj: GraspObject, trials: Trials, grasp_type: str) -> TrialFunction:
     """Return the trial on an object: a pre-check of collisions, then the episode in SAPIEN."""
     from spgf_torch.simulation.episode import Simulator  # SAPIEN is loaded in workers only
     from spgf_torch.simulation.precheck import PreCheck
+    from spgf_torch.simulation.robot import RobotTrials
 
+    if trials.episode.robot is not None:
+        robot = RobotTrials(obj, trials.hand, trials.episode, grasp_type)
+        return lambda T: robot.run(T).word
     check = PreCheck(obj, trials.hand.preshapes[grasp_type])
     simulator = Simulator(obj, trials.hand, trials.episode)
     return lambda T: "collision" if check.collides(T) else simulator.run(T, grasp_type)
@@ -82,7 +86,7 @@ class ChunkResult:
     """The result of a chunk.
 
     Attributes:
-        outcomes: of each candidate one of `table.OUTCOMES`, or None where it has none.
+        outcomes: of each candidate how it ended (`TrialFunction`), or None where it has none.
         reasons: index into `outcomes` -> why it has none.
         unbuilt: why the object could not be loaded, or ""; then no candidate has an outcome.
         incident: a failure that was repaired or is among `reasons`, or "".

@@ -8,8 +8,12 @@ import pytest
 import torch
 
 from spgf_torch.errors import InputError
+from spgf_torch.evaluation.endings import ending_lines
+from spgf_torch.simulation.causes import CAUSE_COLUMNS, Causes
+from spgf_torch.simulation.label import Label
 from spgf_torch.simulation.table import (
     KEY,
+    OUTCOMES,
     Provenance,
     TrialTable,
     check_poses,
@@ -46,6 +50,34 @@ def test_round_trip_is_exact(tmp_path, table):
         assert torch.equal(getattr(got, name), getattr(table, name)), name
     assert got.success.tolist() == [True] + [False] * 5
     assert [file.name for file in tmp_path.iterdir()] == ["mug.parquet"]
+
+
+def test_causes_of_a_robots_episode(tmp_path, table):
+    """Columns beside the outcomes, exactly where the episode has a robot's settings."""
+    path = table_path(tmp_path, "mug")
+    write_table(path, table)
+    assert pq.read_schema(path).names[-1] == "outcome" and read_table(path).causes is None
+    labels = [
+        Label("success", "held", force=12.5),
+        Label("collision", "approach", "table"),
+        Label("missed", "lift", "one_side", 0.0, "right"),
+        Label("dropped", "shake", "none", 0.25, "left+right"),
+        Label("slipped"),
+        Label("rotated", "turn", "none", 3.0),
+    ]
+    robot = replace(PROVENANCE, episode={**PROVENANCE.episode, "robot": {"draw": 0}})
+    write_table(path, replace(table, provenance=robot, causes=Causes.of(labels)))
+    assert pq.read_schema(path).names[-4:] == list(CAUSE_COLUMNS)
+    got = read_table(path)
+    assert got.causes is not None and got.causes.fingers == ("", "left+right", "right")
+    assert got.causes.labels([OUTCOMES[code] for code in got.outcome]) == labels
+    assert ending_lines([got]) == [
+        "why 5 of 6 trials failed: 1 collision (table); 1 dropped (shake, without left, right); 1 missed (one side); "
+        "1 rotated (turn); 1 slipped",
+        "held at the end by 12.5 N of the weakest finger (median), 5 % by less than 12.5 N",
+    ]
+    write_table(path, replace(table, causes=Causes.of(labels)))
+    assert read_table(path).causes is None and ending_lines([table]) == []
 
 
 def test_equal_tables_are_equal_files(tmp_path, table):

@@ -36,6 +36,7 @@ GRASP_BOX = {"NPG": 0.095, "WPG": 0.115}  # m; half the side of what is shown; o
 AROUND = 0.07  # m about the TCP of the widest hand, of other types
 CENTRE = 0.014  # m; the square in a prototype's colour, well within its ring
 RULER = 0.05  # m
+NOTE = 0.3  # inches below a picture: two lines of its note
 WORDS = {TOP: "top", BOTTOM: "bottom", ABOVE: "perspective"}
 # What Figs. 12 and 13 show of a prototype besides itself; the paper has these views. Other types: the first.
 VIEWS = {"NPG": (ABOVE, TOP), "WPG": (ABOVE, BOTTOM)}
@@ -72,12 +73,14 @@ class Held:
     Attributes:
         title: what to write above.
         sticks: (G, S, 2, 3) m; success: (G,) bool.
+        note: what to write below.
     """
 
     title: str
     mesh: trimesh.Trimesh
     sticks: np.ndarray
     success: np.ndarray
+    note: str = ""
 
     @staticmethod
     def of(
@@ -156,11 +159,13 @@ def grasps(looks: Sequence[Look], learned: Sequence[Grasps], gripper: Gripper) -
 
 def worst(shown: Sequence[Held], ranking: str) -> Figure:
     """Objects with their highest-ranked grasps by a `ranking`, in words: failed ones red, held ones green."""
-    sheet = Sheet.of(len(shown), min(3, len(shown)), panel=(2.7, 2.8), foot=0.52)
+    below = NOTE if any(held.note for held in shown) else 0.0
+    sheet = Sheet.of(len(shown), min(3, len(shown)), panel=(2.7, 2.8 + below), foot=0.52, below=below)
     for i, held in enumerate(shown):
         colours = np.where(held.success[:, None], to_rgb(HELD), to_rgb(FAILED))
         sheet.title(i, held.title)
         sheet.paint(i, joined([mesh(held.mesh, ABOVE), sticks(held.sticks, colours, 1.3)]), ABOVE)
+        sheet.text(sheet.corner(i) + np.array([sheet.panel[0] / 2, below]), held.note, size=7.5)
     words = ((FAILED, "failed"), (HELD, "held"))
     with mpl.rc_context(LETTERS):
         handles = [Line2D([], [], color=colour, linewidth=2, label=word) for colour, word in words]
