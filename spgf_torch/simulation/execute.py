@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from typing import Any
 
@@ -16,7 +16,7 @@ from torch import Tensor
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.settings import plain, settings
 from spgf_torch.simulation.candidates import sample_poses
-from spgf_torch.simulation.config import APPROACH, SamplerConfig
+from spgf_torch.simulation.config import APPROACH, Budget, SamplerConfig
 from spgf_torch.simulation.executors import Executor, Task, executor_of
 from spgf_torch.simulation.table import OUTCOMES, Provenance, TrialTable, pose_matrix
 from spgf_torch.simulation.worker import Case, ChunkResult, Trials
@@ -29,7 +29,14 @@ class TrialError(RuntimeError):
     """A trial that has no outcome: whose, and why."""
 
 
-def provenance_of(obj: GraspObject, trials: Trials, sampler: SamplerConfig, candidates: int, seed: int) -> Provenance:
+def provenance_of(
+    obj: GraspObject,
+    trials: Trials,
+    sampler: SamplerConfig,
+    candidates: int,
+    seed: int,
+    budget: Budget | None = None,
+) -> Provenance:
     """Return the provenance of the table that `simulate` makes of this object."""
     return Provenance(
         object_name=obj.name,
@@ -39,10 +46,13 @@ def provenance_of(obj: GraspObject, trials: Trials, sampler: SamplerConfig, cand
         episode=plain(trials.episode),
         candidates=candidates,
         seed=seed,
+        budget=None if budget is None else asdict(budget),
     )
 
 
-def made_with(trials: Trials, sampler: SamplerConfig, candidates: int, seed: int) -> dict[str, Any]:
+def made_with(
+    trials: Trials, sampler: SamplerConfig, candidates: int, seed: int, budget: Budget | None = None
+) -> dict[str, Any]:
     """Return what all tables of one call share: provenance without the object, and versions of packages."""
     common = {
         "hand_digest": trials.hand.digest,
@@ -51,7 +61,8 @@ def made_with(trials: Trials, sampler: SamplerConfig, candidates: int, seed: int
         "candidates": candidates,
         "seed": seed,
     }
-    return {**common, "versions": versions()}
+    allotted = {} if budget is None else {"budget": asdict(budget)}
+    return {**common, **allotted, "versions": versions()}
 
 
 def _settings_of(sampler: SamplerConfig, trials: Trials) -> dict[str, Any]:
@@ -101,13 +112,14 @@ def sample(obj: GraspObject, provenance: Provenance, samplers: Mapping[str, str]
     return Poses(position, quaternion, tuple(samplers))
 
 
-def table_of(provenance: Provenance, poses: Poses, outcome: Tensor) -> TrialTable:
-    """Make the table of an object from its candidates and their outcomes (M,) int64."""
+def table_of(provenance: Provenance, poses: Poses, outcome: Tensor, rows: Tensor | None = None) -> TrialTable:
+    """Make the table of an object from its candidates, or from `rows` (M,) int64 of them, and outcomes (M,) int64."""
+    chosen = slice(None) if rows is None else rows
     return TrialTable(
         provenance=provenance,
-        position=poses.position,
-        quaternion=poses.quaternion,
-        grasp_type=poses.grasp_type,
+        position=poses.position[chosen],
+        quaternion=poses.quaternion[chosen],
+        grasp_type=poses.grasp_type[chosen],
         outcome=outcome,
         versions=versions(),
         grasp_types=poses.grasp_types,

@@ -15,7 +15,6 @@ import time
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -114,27 +113,36 @@ class RunState:
         write_bytes(path, json.dumps({**content, "checksum": _checksum(content)}).encode())
 
     def note(
-        self, provenance: Provenance, state: str, trials: int, reason: str = "", failures: Sequence[Any] = ()
+        self,
+        provenance: Provenance,
+        state: str,
+        trials: int,
+        reason: str = "",
+        failures: Sequence[Any] = (),
+        allotted: Mapping[str, Any] | None = None,
     ) -> None:
-        """Note the state of an object: `open`, `done` or `failed`, trials with an outcome, and failures."""
+        """Note the state of an object: `open`, `done` or `failed`, trials with an outcome, failures, and allotment."""
         entry: dict[str, Any] = {"digest": provenance.object_digest, "state": state, "trials": trials}
         if reason:
             entry["reason"] = reason
         if failures:
             entry["failures"] = list(failures)
+        if allotted:
+            entry["allotted"] = dict(allotted)
         self.objects[provenance.object_name] = entry
         if time.monotonic() - self._written_at > EVERY:
             self.write_manifest()
 
-    def done(self, provenance: Provenance) -> None:
-        """Remove the shards of an object whose table is written."""
+    def done(self, provenance: Provenance, allotted: Mapping[str, Any] | None = None) -> None:
+        """Remove the shards of an object whose table is written; `allotted`: what a budget gave it (`allotment`)."""
         sync(self.folder)
         shutil.rmtree(self._shards(provenance.object_name), ignore_errors=True)
         failures = self.objects.get(provenance.object_name, {}).get("failures", [])
-        self.note(provenance, "done", self.rows(provenance), failures=failures)
+        rows = self.rows(provenance) if not allotted else sum(its["candidates"] for its in allotted.values())
+        self.note(provenance, "done", rows, failures=failures, allotted=allotted)
 
     def rows(self, provenance: Provenance) -> int:
-        """Return the number of rows in the table of an object."""
+        """Return the number of rows in the table of an object; with a budget, the most that there may be."""
         return provenance.candidates * self.types
 
     @property
@@ -227,7 +235,7 @@ class RunState:
         return self.folder / SHARDS / object_name
 
     def _fingerprint(self, provenance: Provenance) -> str:
-        return fingerprint(asdict(provenance), self.made_with["versions"])
+        return fingerprint(provenance.plain, self.made_with["versions"])
 
 
 def _read_shard(path: Path) -> dict[str, Any] | None:

@@ -46,8 +46,9 @@ class Provenance:
         object_name, object_digest: the object (`GraspObject.digest`).
         hand_digest: the hand's URDF and settings (`Hand.digest`).
         sampler, episode: the settings as plain values.
-        candidates: of each grasp type.
+        candidates: of each grasp type; with a budget, the most of each.
         seed: of the whole set; the object's own stream follows from it and the name.
+        budget: by which trials were allotted, as plain values (`config.Budget`); None: all candidates were tried.
     """
 
     object_name: str
@@ -57,6 +58,12 @@ class Provenance:
     episode: dict[str, Any]
     candidates: int
     seed: int
+    budget: dict[str, Any] | None = None
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """The fields by name, without a budget where there is none: tables without one do not tell of it."""
+        return {key: value for key, value in asdict(self).items() if key != "budget" or value is not None}
 
 
 @dataclass(frozen=True)
@@ -114,7 +121,7 @@ def table_path(folder: Path, object_name: str) -> Path:
 
 def write_table(path: Path, table: TrialTable) -> None:
     """Write `table` with its seal, atomically."""
-    about = {"schema": SCHEMA, "origin": asdict(table.provenance), "versions": table.versions}
+    about = {"schema": SCHEMA, "origin": table.provenance.plain, "versions": table.versions}
     write_columns(path, columns_of(table), {KEY: json.dumps(about, sort_keys=True)})
 
 
@@ -172,12 +179,19 @@ def _decoded(path: Path, content: pa.Table) -> TrialTable:
         versions=about["versions"],
         grasp_types=names,
     )
-    rows, counts = table.provenance.candidates, torch.bincount(table.grasp_type, minlength=len(names)).tolist()
-    if set(counts) != {rows}:
-        got = ", ".join(f"{count} of {name}" for name, count in zip(names, counts, strict=True)) or "none"
-        raise InputError(f"{path}: expected {rows} trials of each grasp type, got {got:.200}")
+    _check_counts(path, table)
     check_poses(path, table.position, table.quaternion)
     return table
+
+
+def _check_counts(path: Path, table: TrialTable) -> None:
+    """InputError unless there are as many trials of each type as the provenance says: with a budget, at most."""
+    rows, budget, names = table.provenance.candidates, table.provenance.budget, table.grasp_types
+    counts = torch.bincount(table.grasp_type, minlength=len(names)).tolist()
+    if set(counts) != {rows} if budget is None else not counts or max(counts) > rows:
+        got = ", ".join(f"{count} of {name}" for name, count in zip(names, counts, strict=True)) or "none"
+        most = "" if budget is None else "at most "
+        raise InputError(f"{path}: expected {most}{rows} trials of each grasp type, got {got:.200}")
 
 
 def check_poses(path: Path, position: Tensor, quaternion: Tensor) -> None:
