@@ -38,12 +38,10 @@ def run(config: SimulateConfig, folder: Path) -> None:
     from spgf_torch.files.writing import write_bytes
     from spgf_torch.handcheck.standing import tried_hand
     from spgf_torch.objects.folders import read_objects
-    from spgf_torch.simulation.allotment import told
     from spgf_torch.simulation.config import Budget
     from spgf_torch.simulation.execute import made_with, provenance_of
-    from spgf_torch.simulation.generation import Generation, Plan, finished
+    from spgf_torch.simulation.generation import Generation, Plan, finished, keep
     from spgf_torch.simulation.run_state import RunState
-    from spgf_torch.simulation.table import read_table, table_path
     from spgf_torch.simulation.worker import Trials
 
     share, out = share_of(config), Path(config.out) if config.out else folder
@@ -64,7 +62,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
         with run_state.open(provenances):
             write_bytes(out / "config.yaml", sealed_yaml(OmegaConf.to_yaml(OmegaConf.create(plain(config)))))
             for its in there:
-                run_state.done(its, told(read_table(table_path(out, its.object_name))) if config.budget else None)
+                keep(run_state, its)
             waiting = [pair for pair in zip(objects, provenances, strict=True) if pair[1] not in there]
             with stages.stage("trials", sum(run_state.rows(its) for _, its in waiting), "candidates") as advance:
                 generation = Generation(run_state, Plan(trials, config.chunk, config.failed_as), advance)

@@ -11,20 +11,19 @@ All follows from the outcomes on the object alone: from no other object, and not
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from spgf_torch.simulation.config import Budget
 from spgf_torch.simulation.table import OUTCOMES, TrialTable
-from spgf_torch.simulation.worker import episodes
+from spgf_torch.simulation.worker import COLLISION, episodes
 
 
 @dataclass(frozen=True)
 class Request:
     """Rows `first` to `end` of an object's candidates, of one type, until `most` trials that need physics ended."""
 
-    grasp_type: int
     first: int
     end: int
     most: int
@@ -43,37 +42,38 @@ class Allotted:
     request: Request | None
 
 
-def allot(
-    outcomes: Sequence[str | None], types: int, budget: Budget, failed: Mapping[int, Any] | None = None
-) -> Allotted:
+def allot(outcomes: Sequence[str | None], types: int, budget: Budget, failed: Collection[int] = ()) -> Allotted:
     """Replay all rounds on the outcomes that are there, up to the first that is not.
 
     Args:
         outcomes: of each row, None where there is none yet; as many rows of each type, one type after the other.
-        failed: rows that have no outcome and get none in this call; they count as trials that did not succeed.
+        failed: rows that get no outcome in this call; they count as trials that needed physics and did not succeed.
     """
     size = len(outcomes) // types
-    rows, known, left = [0] * types, failed or {}, budget.trials
-    while left > 0:
-        unsure = {
-            code: uncertainty(outcomes[code * size : code * size + rows[code]])
-            for code in range(types)
-            if rows[code] < size
-        }
-        code = max(unsure, key=unsure.__getitem__, default=None)
-        if code is None or unsure[code] <= budget.uncertainty:
-            break
-        first, stop = code * size + rows[code], (code + 1) * size
-        most = min(budget.round, left)
-        row = first
+    rows, left = [0] * types, budget.trials
+    while left > 0 and (code := _next_type(outcomes, rows, budget)) is not None:
+        row, stop, most = code * size + rows[code], (code + 1) * size, min(budget.round, left)
         while row < stop and most > 0:
-            if outcomes[row] is None and row not in known:
+            if outcomes[row] is None and row not in failed:
                 end = next((later for later in range(row, stop) if outcomes[later] is not None), stop)
-                return Allotted(tuple(rows), Request(code, row, end, most))
-            most -= outcomes[row] != "collision"
+                return Allotted(tuple(rows), Request(row, end, most))
+            if outcomes[row] != COLLISION:
+                most, left = most - 1, left - 1
             row += 1
-        rows[code], left = row - code * size, left - episodes(outcomes[first:row])
+        rows[code] = row - code * size
     return Allotted(tuple(rows), None)
+
+
+def _next_type(outcomes: Sequence[str | None], rows: Sequence[int], budget: Budget) -> int | None:
+    """Return the type whose rate is known least, after `rows` of each; None where all are known or at their end."""
+    size = len(outcomes) // len(rows)
+    unknown = {
+        code: uncertainty(outcomes[code * size : code * size + count])
+        for code, count in enumerate(rows)
+        if count < size
+    }
+    code = max(unknown, key=unknown.__getitem__, default=None)
+    return None if code is None or unknown[code] <= budget.uncertainty else code
 
 
 def uncertainty(outcomes: Sequence[str | None]) -> float:

@@ -22,7 +22,7 @@ from spgf_torch.simulation.config import Budget
 from spgf_torch.simulation.execute import Poses, codes, sample, table_of
 from spgf_torch.simulation.executors import Executor, Task
 from spgf_torch.simulation.run_state import RunState
-from spgf_torch.simulation.table import Provenance, read_tables, table_path, write_table
+from spgf_torch.simulation.table import Provenance, read_table, read_tables, table_path, write_table
 from spgf_torch.simulation.worker import Case, ChunkResult, TrialFunction, Trials, error_line, physics
 
 
@@ -205,6 +205,14 @@ def finished(folder: Path, provenances: Sequence[Provenance], grasp_types: tuple
     for provenance in there:
         read_tables(folder, [provenance], grasp_types)
     return there
+
+
+def keep(run_state: RunState, provenance: Provenance) -> None:
+    """Note that an object has its table, from an earlier call."""
+    allotted = {}
+    if provenance.budget is not None:
+        allotted = told(read_table(table_path(run_state.folder, provenance.object_name)))
+    run_state.done(provenance, allotted)
 
 
 def _missing(outcomes: Sequence[str | None], candidates: int, chunk: int) -> Iterator[tuple[int, int]]:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 # Loading an object may take so many times the time limit of a trial: the first one loads the simulator.
 BUILDING = 10
 
+COLLISION = "collision"  # of `table.OUTCOMES` what geometry tells, without physics
+
 # T_object_tcp (4, 4) -> one of `table.OUTCOMES`.
 TrialFunction = Callable[[np.ndarray], str]
 
@@ -52,7 +54,7 @@ def physics(obj: GraspObject, trials: Trials, grasp_type: str) -> TrialFunction:
 
     check = PreCheck(obj, trials.hand.preshapes[grasp_type])
     simulator = Simulator(obj, trials.hand, trials.episode)
-    return lambda T: "collision" if check.collides(T) else simulator.run(T, grasp_type)
+    return lambda T: COLLISION if check.collides(T) else simulator.run(T, grasp_type)
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ def try_chunk(case: Case, T_object_tcp: np.ndarray, limit: float | None = None, 
 
 def episodes(outcomes: Sequence[str | None]) -> int:
     """Return how many trials needed physics: all but collisions; one that failed counts, too."""
-    return len(outcomes) - outcomes.count("collision")
+    return len(outcomes) - outcomes.count(COLLISION)
 
 
 def try_in_process(

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from spgf_torch.settings import plain, settings
-from spgf_torch.simulation.config import SamplerConfig
+from spgf_torch.simulation.config import Budget, SamplerConfig
 from spgf_torch.simulation.executors import Executor
-from spgf_torch.simulation.generation import Generation, Plan, finished
+from spgf_torch.simulation.generation import Generation, Plan, finished, keep
 from spgf_torch.simulation.run_state import RunState
 from spgf_torch.simulation.table import Provenance
 from spgf_torch.simulation.worker import TrialFunction, physics
@@ -26,12 +26,14 @@ class Calls:
         trials: hand and episode; toys have none to speak of.
         attempt: what one is; None = physics.
         candidates: of each type.
+        budget: by which they are allotted, if any.
     """
 
     objects: Sequence[Any]
     trials: Any
     attempt: Callable[..., TrialFunction] | None
     candidates: int
+    budget: Budget | None = None
 
     @property
     def made_with(self) -> dict[str, Any]:
@@ -41,6 +43,7 @@ class Calls:
             "episode": {"dt": 0.002},
             "candidates": self.candidates,
             "seed": 0,
+            **({} if self.budget is None else {"budget": asdict(self.budget)}),
         }
 
     def provenance(self, obj: Any, **changes: Any) -> Provenance:
@@ -63,7 +66,7 @@ class Calls:
         there = finished(out, provenances, self.trials.grasp_types)
         with run_state.open(provenances):
             for its in there:
-                run_state.done(its)
+                keep(run_state, its)
             generation = Generation(run_state, Plan(self.trials, chunk, failed_as, self.attempt or physics), progress)
             waiting = [pair for pair in zip(self.objects, provenances, strict=True) if pair[1] not in there]
             generation.run(waiting, executor)
