@@ -38,7 +38,6 @@ def run(config: SimulateConfig, folder: Path) -> None:
     from spgf_torch.files.writing import write_bytes
     from spgf_torch.handcheck.standing import tried_hand
     from spgf_torch.objects.folders import read_objects
-    from spgf_torch.simulation.config import Budget
     from spgf_torch.simulation.execute import made_with, provenance_of
     from spgf_torch.simulation.generation import Generation, Plan, finished, keep
     from spgf_torch.simulation.run_state import RunState
@@ -51,7 +50,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
         show(note)
     objects = found.objects[share[0] - 1 :: share[1]]
     trials = Trials(hand, config.episode)
-    counts = (config.candidates, config.seed, Budget.of(config.budget, config.uncertainty))
+    counts = (config.candidates, config.seed, config.budget)
     provenances = [provenance_of(obj, trials, config.sampler, *counts) for obj in objects]
     there = finished(out, provenances, trials.grasp_types)
     executor = executor_of(config)

@@ -15,7 +15,7 @@ from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find
-from spgf_torch.simulation.config import Budget, SamplerConfig
+from spgf_torch.simulation.config import SamplerConfig
 from spgf_torch.simulation.execute import Trials, provenance_of
 from spgf_torch.simulation.table import TrialTable, read_tables
 
@@ -48,13 +48,13 @@ def open_hand(config: HandConfig) -> dict[str, HandVolume]:
     return hand_volumes(load_hand(config))
 
 
-def _made_with(path: Path) -> tuple[int, int, Budget | None]:
+def _made_with(path: Path) -> tuple[int, int, int | None]:
     """How many candidates of each type, the seed and the budget of the trials that `simulate` left beside this file."""
     if not path.is_file():
         raise InputError(f"{path}: expected the settings of a trial table (python -m spgf_torch.simulate), got no file")
     settings = yaml_values(path, "the keys candidates and seed", sealed=True)
     try:
-        asked = settings.get("budget"), float(settings.get("uncertainty", 0.0))  # older ones have none
-        return int(settings["candidates"]), int(settings["seed"]), Budget.of(*asked)
+        budget = settings.get("budget")  # older ones have no such key
+        return int(settings["candidates"]), int(settings["seed"]), None if budget is None else int(budget)
     except (KeyError, TypeError, ValueError, OverflowError):
         raise InputError(f"{path}: expected the keys candidates and seed, got something else") from None

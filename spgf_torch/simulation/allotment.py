@@ -1,107 +1,69 @@
-"""Which candidates are tried on an object where a budget allots them (`simulate budget=...`).
+"""How many candidates are tried on an object where a budget allots them (`simulate budget=...`).
 
-The budget counts trials that need physics; of collisions geometry tells, and they cost nothing. It is spent in rounds:
-each goes to the grasp type whose rate of success is known least, until nothing is left to spend or to try, or all rates
-are known well enough. Within a type candidates are tried in the order in which they were sampled, so that what is tried
-is a random sample of it.
+The budget counts trials that need physics: of a candidate whose open hand cuts the object geometry tells, and it costs
+nothing. Candidates are taken in the order in which they were sampled, as many of each grasp type, until so many of them
+need physics. So hard objects, on which few candidates are free, get more of them than easy ones, and what is tried on
+an object is a random sample: docs/howto/budget.md has what was measured, and why types share a number.
 
-All follows from the outcomes on the object alone: from no other object, and not from when and where trials ran.
+All follows from geometry alone: from no outcome, no other object, and not from when and where trials run.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
-from spgf_torch.simulation.config import Budget
+import numpy as np
+
 from spgf_torch.simulation.table import OUTCOMES, TrialTable
-from spgf_torch.simulation.worker import COLLISION, episodes
+
+if TYPE_CHECKING:
+    from spgf_torch.objects.grasp_object import GraspObject
+    from spgf_torch.simulation.execute import Poses
+    from spgf_torch.simulation.worker import Trials
+
+# T_object_tcp (4, 4) -> whether geometry alone tells how that ends.
+Geometry = Callable[[np.ndarray], bool]
 
 
-@dataclass(frozen=True)
-class Request:
-    """Rows `first` to `end` of an object's candidates, of one type, until `most` trials that need physics ended."""
+def open_hand(obj: GraspObject, trials: Trials, grasp_type: str) -> Geometry:
+    """Return the pre-check of collisions of the open hand."""
+    from spgf_torch.simulation.precheck import PreCheck
 
-    first: int
-    end: int
-    most: int
+    return PreCheck(obj, trials.hand.preshapes[grasp_type]).collides
 
 
-@dataclass(frozen=True)
-class Allotted:
-    """What was allotted so far.
-
-    Attributes:
-        rows: of each grasp type, how many of its candidates.
-        request: what is to be tried next; None: nothing.
-    """
-
-    rows: tuple[int, ...]
-    request: Request | None
+def free_candidates(
+    obj: GraspObject, poses: Poses, trials: Trials, geometry: Callable[[GraspObject, Trials, str], Geometry] = open_hand
+) -> np.ndarray:
+    """Return (types, candidates) bool: which candidates need physics."""
+    free, of_types = [], np.split(poses.T_object_tcp(0, len(poses)), len(poses.grasp_types))
+    for grasp_type, T in zip(poses.grasp_types, of_types, strict=True):
+        tells = geometry(obj, trials, grasp_type)
+        free.append([not tells(one) for one in T])
+    return np.array(free, dtype=bool)
 
 
-def allot(outcomes: Sequence[str | None], types: int, budget: Budget, failed: Collection[int] = ()) -> Allotted:
-    """Replay all rounds on the outcomes that are there, up to the first that is not.
+def allotted(free: np.ndarray, budget: int) -> int:
+    """Return how many candidates of each type are tried: until `budget` of all need physics, or to the last.
 
     Args:
-        outcomes: of each row, None where there is none yet; as many rows of each type, one type after the other.
-        failed: rows that get no outcome in this call; they count as trials that needed physics and did not succeed.
+        free: (types, candidates) bool, in the order of sampling.
     """
-    size = len(outcomes) // types
-    rows, left = [0] * types, budget.trials
-    while left > 0 and (code := _next_type(outcomes, rows, budget)) is not None:
-        row, stop, most = code * size + rows[code], (code + 1) * size, min(budget.round, left)
-        while row < stop and most > 0:
-            if outcomes[row] is None and row not in failed:
-                end = next((later for later in range(row, stop) if outcomes[later] is not None), stop)
-                return Allotted(tuple(rows), Request(row, end, most))
-            if outcomes[row] != COLLISION:
-                most, left = most - 1, left - 1
-            row += 1
-        rows[code] = row - code * size
-    return Allotted(tuple(rows), None)
+    needed = np.cumsum(free.sum(axis=0))
+    return min(int(np.searchsorted(needed, budget)) + 1, free.shape[1])
 
 
-def _next_type(outcomes: Sequence[str | None], rows: Sequence[int], budget: Budget) -> int | None:
-    """Return the type whose rate is known least, after `rows` of each; None where all are known or at their end."""
-    size = len(outcomes) // len(rows)
-    unknown = {
-        code: uncertainty(outcomes[code * size : code * size + count])
-        for code, count in enumerate(rows)
-        if count < size
-    }
-    code = max(unknown, key=unknown.__getitem__, default=None)
-    return None if code is None or unknown[code] <= budget.uncertainty else code
+def told(table: TrialTable) -> dict[str, Any]:
+    """Return what a budget gave an object, and why no more: nothing where there was none.
 
-
-def uncertainty(outcomes: Sequence[str | None]) -> float:
-    """Standard deviation of the rate of success among trials that need physics: of Beta(s + 1, f + 1).
-
-    Before any trial each rate is as likely as another.
-    """
-    tried, held = episodes(outcomes), outcomes.count("success")
-    mean = (held + 1) / (tried + 2)
-    return math.sqrt(mean * (1 - mean) / (tried + 3))
-
-
-def told(table: TrialTable) -> dict[str, dict[str, Any]]:
-    """Say of each grasp type what a budget gave it, and why no more; of a table without a budget nothing.
-
-    Candidates that were tried, those of them that needed physics, how many of these succeeded, how uncertain that
-    leaves their rate, and what ended it: the budget, or that there were no more candidates.
+    `candidates` of each type; of each type the trials that needed `physics`; and what it `ended` with: the budget, or
+    the candidates, of which there were no more.
     """
     if table.provenance.budget is None:
         return {}
-    said = {}
-    for code, name in enumerate(table.grasp_types):
-        its = [OUTCOMES[word] for word in table.outcome[table.grasp_type == code].tolist()]
-        said[name] = {
-            "candidates": len(its),
-            "physics": episodes(its),
-            "success": its.count("success"),
-            "uncertainty": round(uncertainty(its), 4),
-            "ended": "candidates" if len(its) == table.provenance.candidates else "budget",
-        }
-    return said
+    candidates = len(table) // len(table.grasp_types)
+    needed = table.outcome != OUTCOMES.index("collision")
+    physics = {name: int(needed[table.grasp_type == code].sum()) for code, name in enumerate(table.grasp_types)}
+    ended = "budget" if sum(physics.values()) >= table.provenance.budget else "candidates"
+    return {"candidates": candidates, "physics": physics, "ended": ended}

@@ -52,33 +52,12 @@ class EpisodeConfig:
     max_rotation_deg: float = bounded(0.0, 180.0)
 
 
-@dataclass(frozen=True)
-class Budget:
-    """What a budget allots trials by (`allotment`).
-
-    Attributes:
-        trials: on an object, that need physics, at most.
-        uncertainty: of the rate of success of a grasp type, at which it gets no more.
-        round: trials that are allotted at a time.
-    """
-
-    trials: int
-    uncertainty: float
-    round: int = 10  # half a second's
-
-    @staticmethod
-    def of(trials: int | None, uncertainty: float) -> Budget | None:
-        """Return that of the keys `budget` and `uncertainty` of `simulate`; None: all candidates are tried."""
-        return None if trials is None else Budget(trials, uncertainty)
-
-
 @dataclass
 class SimulateConfig(ObjectsConfig):
     """`python -m spgf_torch.simulate`: the trial table."""
 
     candidates: int = bounded(1, 10_000_000)
     budget: int | None = bounded(1, 10_000_000)
-    uncertainty: float = bounded(0.0, 0.3)
     out: str | None = text()
     seed: int = bounded(0, 2**31 - 1)
     chunk: int = bounded(1, 1_000_000)

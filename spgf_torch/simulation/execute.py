@@ -5,7 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any
 
@@ -16,7 +16,7 @@ from torch import Tensor
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.settings import plain, settings
 from spgf_torch.simulation.candidates import sample_poses
-from spgf_torch.simulation.config import APPROACH, Budget, SamplerConfig
+from spgf_torch.simulation.config import APPROACH, SamplerConfig
 from spgf_torch.simulation.executors import Executor, Task, executor_of
 from spgf_torch.simulation.table import OUTCOMES, Provenance, TrialTable, pose_matrix
 from spgf_torch.simulation.worker import Case, ChunkResult, Trials
@@ -30,12 +30,7 @@ class TrialError(RuntimeError):
 
 
 def provenance_of(
-    obj: GraspObject,
-    trials: Trials,
-    sampler: SamplerConfig,
-    candidates: int,
-    seed: int,
-    budget: Budget | None = None,
+    obj: GraspObject, trials: Trials, sampler: SamplerConfig, candidates: int, seed: int, budget: int | None = None
 ) -> Provenance:
     """Return the provenance of the table that `simulate` makes of this object."""
     return Provenance(
@@ -46,12 +41,12 @@ def provenance_of(
         episode=plain(trials.episode),
         candidates=candidates,
         seed=seed,
-        budget=None if budget is None else asdict(budget),
+        budget=budget,
     )
 
 
 def made_with(
-    trials: Trials, sampler: SamplerConfig, candidates: int, seed: int, budget: Budget | None = None
+    trials: Trials, sampler: SamplerConfig, candidates: int, seed: int, budget: int | None = None
 ) -> dict[str, Any]:
     """Return what all tables of one call share: provenance without the object, and versions of packages."""
     common = {
@@ -61,8 +56,7 @@ def made_with(
         "candidates": candidates,
         "seed": seed,
     }
-    allotted = {} if budget is None else {"budget": asdict(budget)}
-    return {**common, **allotted, "versions": versions()}
+    return {**common, **({} if budget is None else {"budget": budget}), "versions": versions()}
 
 
 def _settings_of(sampler: SamplerConfig, trials: Trials) -> dict[str, Any]:
@@ -95,7 +89,19 @@ class Poses:
     def grasp_type(self) -> Tensor:
         """(M,) int64, index into `grasp_types`."""
         types = len(self.grasp_types)
-        return torch.arange(types).repeat_interleave(len(self.position) // types)
+        return torch.arange(types).repeat_interleave(len(self) // types)
+
+    def __len__(self) -> int:
+        """How many candidates, of all types."""
+        return len(self.position)
+
+    def first(self, count: int) -> Poses:
+        """The first `count` candidates of each type."""
+        types = len(self.grasp_types)
+        position, quaternion = (
+            column.unflatten(0, (types, -1))[:, :count].flatten(0, 1) for column in (self.position, self.quaternion)
+        )
+        return Poses(position, quaternion, self.grasp_types)
 
 
 def sample(obj: GraspObject, provenance: Provenance, samplers: Mapping[str, str]) -> Poses:
@@ -112,14 +118,13 @@ def sample(obj: GraspObject, provenance: Provenance, samplers: Mapping[str, str]
     return Poses(position, quaternion, tuple(samplers))
 
 
-def table_of(provenance: Provenance, poses: Poses, outcome: Tensor, rows: Tensor | None = None) -> TrialTable:
-    """Make the table of an object from its candidates, or from `rows` (M,) int64 of them, and outcomes (M,) int64."""
-    chosen = slice(None) if rows is None else rows
+def table_of(provenance: Provenance, poses: Poses, outcome: Tensor) -> TrialTable:
+    """Make the table of an object from its candidates and their outcomes (M,) int64."""
     return TrialTable(
         provenance=provenance,
-        position=poses.position[chosen],
-        quaternion=poses.quaternion[chosen],
-        grasp_type=poses.grasp_type[chosen],
+        position=poses.position,
+        quaternion=poses.quaternion,
+        grasp_type=poses.grasp_type,
         outcome=outcome,
         versions=versions(),
         grasp_types=poses.grasp_types,

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import islice, takewhile
+from itertools import islice
 from queue import SimpleQueue
 from typing import Any, Protocol
 
@@ -35,31 +35,25 @@ class Task:
         name: of the task, unique.
         case: what is tried, and how.
         T_object_tcp: (M, 4, 4) float32.
-        most: trials that need physics, after which the rest is left (`worker.try_chunk`); None: none is left.
     """
 
     name: Any
     case: Case
     T_object_tcp: np.ndarray
-    most: int | None = None
 
 
 class Executor(Protocol):
-    """Runs the trials of tasks. Closing the iterator ends those that are still running.
+    """Runs the trials of tasks. Closing the iterator ends those that are still running."""
 
-    In place of a task there may be a None: which one is next depends on a result that is still to come.
-    """
-
-    def run(self, tasks: Iterable[Task | None]) -> Iterator[tuple[Task, ChunkResult]]: ...
+    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, ChunkResult]]: ...
 
 
 class InlineExecutor:
     """Run tasks inline, one after the other: for a few trials, without the time to start a process."""
 
-    def run(self, tasks: Iterable[Task | None]) -> Iterator[tuple[Task, ChunkResult]]:
+    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, ChunkResult]]:
         for task in tasks:
-            assert task is not None  # each result is taken before the next task is asked for
-            yield task, try_chunk(task.case, task.T_object_tcp, most=task.most)
+            yield task, try_chunk(task.case, task.T_object_tcp)
 
 
 class ProcessExecutor:
@@ -73,7 +67,7 @@ class ProcessExecutor:
     def __init__(self, workers: int = 0, limit: float | None = None) -> None:
         self.workers, self.limit = workers or joblib.cpu_count(), limit
 
-    def run(self, tasks: Iterable[Task | None]) -> Iterator[tuple[Task, ChunkResult]]:
+    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, ChunkResult]]:
         processes = [WorkerProcess() for _ in range(self.workers)]
         idle: SimpleQueue[WorkerProcess] = SimpleQueue()
         for process in processes:
@@ -82,7 +76,7 @@ class ProcessExecutor:
         def run_task(task: Task) -> ChunkResult:
             process = idle.get()
             try:
-                return try_in_process(process, task.case, task.T_object_tcp, self.limit, task.most)
+                return try_in_process(process, task.case, task.T_object_tcp, self.limit)
             finally:
                 idle.put(process)
 
@@ -139,18 +133,18 @@ class DaskExecutor:
             self.client.close()
             raise InputError(f"address: expected a Dask scheduler with workers, got none at {address}") from None
 
-    def run(self, tasks: Iterable[Task | None]) -> Iterator[tuple[Task, ChunkResult]]:
+    def run(self, tasks: Iterable[Task]) -> Iterator[tuple[Task, ChunkResult]]:
         from distributed import as_completed
         from distributed.client import FutureCancelledError
         from distributed.comm.core import CommClosedError
 
         waiting: dict[str, Task] = {}
         cases: dict[Case, Any] = {}
-        remaining = iter(tasks)
+        tasks = iter(tasks)
         completed = as_completed(loop=self.client.loop)
         try:
             while True:
-                for task in _ready(remaining, max(0, AHEAD * self._threads() - len(waiting))):
+                for task in islice(tasks, max(0, AHEAD * self._threads() - len(waiting))):
                     future = self._submit(task, cases)
                     waiting[future.key] = task
                     completed.add(future)
@@ -176,8 +170,7 @@ class DaskExecutor:
             if len(cases) > AHEAD:
                 del cases[next(iter(cases))]
             cases[task.case] = self.client.submit(_itself, task.case, pure=False)
-        arguments = (cases[task.case], task.T_object_tcp, self.limit, task.most)
-        return self.client.submit(_on_worker, *arguments, pure=False)
+        return self.client.submit(_on_worker, cases[task.case], task.T_object_tcp, self.limit, pure=False)
 
 
 def _ended(future: Any, task: Task) -> ChunkResult:
@@ -187,7 +180,7 @@ def _ended(future: Any, task: Task) -> ChunkResult:
     try:
         return future.result()
     except KilledWorker:
-        rows = range(len(task.T_object_tcp))[: task.most]
+        rows = range(len(task.T_object_tcp))
         return ChunkResult([None for _ in rows], dict.fromkeys(rows, "Dask gave up: its workers died"))
 
 
@@ -198,24 +191,19 @@ def _itself(case: Case) -> Case:
 _own = threading.local()
 
 
-def _on_worker(case: Case, T_object_tcp: np.ndarray, limit: float | None, most: int | None) -> ChunkResult:
+def _on_worker(case: Case, T_object_tcp: np.ndarray, limit: float | None) -> ChunkResult:
     """Run trials on a thread of a Dask worker, in the process that the thread keeps for them."""
     if not hasattr(_own, "process"):
         _own.process = WorkerProcess()
-    return try_in_process(_own.process, case, T_object_tcp, limit, most)
-
-
-def _ready(tasks: Iterator[Task | None], most: int) -> Iterator[Task]:
-    """Take at most so many tasks, up to a None."""
-    return takewhile(lambda task: task is not None, islice(tasks, most))  # type: ignore[arg-type]
+    return try_in_process(_own.process, case, T_object_tcp, limit)
 
 
 def _by_threads(
-    submit: Callable[[Task], Future[ChunkResult]], tasks: Iterator[Task | None], ahead: int
+    submit: Callable[[Task], Future[ChunkResult]], tasks: Iterator[Task], ahead: int
 ) -> Iterator[tuple[Task, ChunkResult]]:
     waiting: dict[Future[ChunkResult], Task] = {}
     while True:
-        waiting.update((submit(task), task) for task in _ready(tasks, ahead - len(waiting)))
+        waiting.update((submit(task), task) for task in islice(tasks, ahead - len(waiting)))
         if not waiting:
             return
         done, _ = wait(waiting, return_when=FIRST_COMPLETED)

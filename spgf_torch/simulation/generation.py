@@ -7,18 +7,13 @@ wherever, in what order and in how many calls its trials ran.
 from __future__ import annotations
 
 import zlib
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
-
-import torch
 
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.simulation.allotment import Allotted, allot, told
-from spgf_torch.simulation.config import Budget
+from spgf_torch.simulation.allotment import Geometry, allotted, free_candidates, open_hand, told
 from spgf_torch.simulation.execute import Poses, codes, sample, table_of
 from spgf_torch.simulation.executors import Executor, Task
 from spgf_torch.simulation.run_state import RunState
@@ -35,12 +30,14 @@ class Plan:
         chunk: candidates of a shard.
         failed_as: outcome of a trial that crashed or did not end; None: its object gets no table.
         make: makes the trial on an object; tests replace physics.
+        geometry: what of a trial geometry alone tells, for a budget; tests replace that, too.
     """
 
     trials: Trials
     chunk: int
     failed_as: str | None = None
     make: Callable[[GraspObject, Trials, str], TrialFunction] = physics
+    geometry: Callable[[GraspObject, Trials, str], Geometry] = open_hand
 
 
 @dataclass
@@ -48,7 +45,7 @@ class OpenObject:
     """An object whose trials are running.
 
     Attributes:
-        outcomes: of each row of its table, None where there is none yet; with a budget, of all that may become one.
+        outcomes: of each row of its table, None where there is none yet.
         left: rows whose trial has not ended.
         tried: rows that have an outcome.
         reasons: row -> why a trial of this call has no outcome.
@@ -64,21 +61,15 @@ class OpenObject:
     reasons: dict[int, str] = field(default_factory=dict)
     unbuilt: str = ""
 
+    @property
+    def of_each_type(self) -> int:
+        """How many rows each grasp type has."""
+        return len(self.poses) // len(self.poses.grasp_types)
+
     def pose_checksum(self, first: int, count: int) -> int:
         """Return the checksum of the stored poses of rows first to first + count."""
         rows = slice(first, first + count)
         return zlib.crc32(self.poses.position[rows].numpy().tobytes() + self.poses.quaternion[rows].numpy().tobytes())
-
-    def allot(self, budget: Mapping[str, Any]) -> Allotted:
-        """Return what `budget` gives its types, on the outcomes that are there."""
-        return allot(self.outcomes, len(self.poses.grasp_types), Budget(**budget), self.reasons)
-
-    def rows(self) -> list[int]:
-        """Return the candidates that go into its table: all, or of each type the first, as a budget allots."""
-        budget, size = self.provenance.budget, self.provenance.candidates
-        if budget is None:
-            return list(range(len(self.outcomes)))
-        return [code * size + row for code, count in enumerate(self.allot(budget).rows) for row in range(count)]
 
 
 class Generation:
@@ -88,8 +79,6 @@ class Generation:
         self.run_state, self.plan, self.progress = run_state, plan, progress
         self.trials = 0  # tried in this call
         self._open: dict[str, OpenObject] = {}
-        self._rounds: deque[Task] = deque()  # of a budget: next ones of open objects
-        self._awaited = 0  # rounds whose results are to come
 
     def run(self, objects: Sequence[tuple[GraspObject, Provenance]], executor: Executor) -> None:
         """Run the missing trials; each object then has its table or, with the reason, a failure in `run_state`.
@@ -101,58 +90,41 @@ class Generation:
                 name, first = task.name
                 self._take(self._open[name], first, result)
 
-    def _tasks(self, objects: Iterable[tuple[GraspObject, Provenance]]) -> Iterator[Task | None]:
-        """Yield the tasks of one object after the other; next rounds of a budget go before another object's first."""
+    def _tasks(self, objects: Iterable[tuple[GraspObject, Provenance]]) -> Iterator[Task]:
         for obj, provenance in objects:
             try:
-                poses = sample(obj, provenance, self.plan.trials.samplers)
+                poses = self._candidates(obj, provenance)
             except Exception as error:  # a failure of one object must not stop the others
                 self._fail(provenance, f"no candidates: {error_line(error)}")
                 self.progress(self.run_state.rows(provenance))
                 continue
             it = OpenObject(obj, provenance, poses, [])
-            it.outcomes = self.run_state.known(provenance, it.pose_checksum)
-            it.left = it.outcomes.count(None)
+            it.outcomes = self.run_state.known(provenance, it.pose_checksum, len(poses))
+            chunks = list(_missing(it.outcomes, it.of_each_type, self.plan.chunk))
+            it.left = sum(end - first for first, end in chunks)
             it.tried = len(it.outcomes) - it.left
-            self.progress(it.tried)
+            self.progress(self.run_state.rows(provenance) - it.left)
             self._open[obj.name] = it
-            if provenance.budget is not None:
-                self._next_round(it, provenance.budget)
-                yield from self._ready_rounds()
-                continue
-            chunks = list(_missing(it.outcomes, provenance.candidates, self.plan.chunk))
             for first, end in chunks:
                 if it.unbuilt:
                     break
-                yield self._task(it, first, end)
+                grasp_type = poses.grasp_types[first // it.of_each_type]
+                case = Case.of(obj, self.plan.trials, grasp_type, self.plan.make)
+                yield Task((obj.name, first), case, poses.T_object_tcp(first, end))
             if not chunks:
                 self._close(it)
-        while self._rounds or self._awaited:
-            yield from self._ready_rounds()
-            yield None
 
-    def _task(self, it: OpenObject, first: int, end: int, most: int | None = None) -> Task:
-        grasp_type = it.poses.grasp_types[first // it.provenance.candidates]
-        case = Case.of(it.obj, self.plan.trials, grasp_type, self.plan.make)
-        return Task((it.obj.name, first), case, it.poses.T_object_tcp(first, end), most)
-
-    def _next_round(self, it: OpenObject, budget: Mapping[str, Any]) -> None:
-        """Ask for the next trials that the budget allots to an object, or close it where there are none."""
-        request = it.allot(budget).request
-        if request is None:
-            self._close(it)
-            return
-        self._rounds.append(self._task(it, request.first, request.end, request.most))
-
-    def _ready_rounds(self) -> Iterator[Task]:
-        while self._rounds:
-            self._awaited += 1
-            yield self._rounds.popleft()
+    def _candidates(self, obj: GraspObject, provenance: Provenance) -> Poses:
+        """Sample what is tried on an object: all candidates, or those that its budget allots."""
+        poses = sample(obj, provenance, self.plan.trials.samplers)
+        if provenance.budget is None:
+            return poses
+        return poses.first(
+            allotted(free_candidates(obj, poses, self.plan.trials, self.plan.geometry), provenance.budget)
+        )
 
     def _take(self, it: OpenObject, first: int, ended: ChunkResult) -> None:
         """Persist the outcomes before reporting progress."""
-        budget = it.provenance.budget
-        self._awaited -= budget is not None
         if it.unbuilt:
             return
         if ended.incident:
@@ -172,23 +144,18 @@ class Generation:
         self.trials += count
         self.progress(count)
         self.run_state.note(it.provenance, "open", it.tried, failures=_failures(it))
-        if budget is not None:
-            self._next_round(it, budget)
-        elif not it.left:
+        if not it.left:
             self._close(it)
 
     def _close(self, it: OpenObject) -> None:
         """Write the table of an object whose trials ended, if each has an outcome."""
         del self._open[it.obj.name]
-        if it.left:
-            self.progress(it.left)  # candidates that no trial was allotted to
         self.run_state.note(it.provenance, "open", it.tried, failures=_failures(it))
         if it.reasons and self.plan.failed_as is None:
             self._fail(it.provenance, f"{len(it.reasons)} trials without an outcome", it.tried, _failures(it))
             return
-        rows = it.rows()
-        words = [it.outcomes[row] or self.plan.failed_as for row in rows]
-        table = table_of(it.provenance, it.poses, codes(words), torch.tensor(rows))
+        outcome = codes([word or self.plan.failed_as for word in it.outcomes])
+        table = table_of(it.provenance, it.poses, outcome)
         write_table(table_path(self.run_state.folder, it.obj.name), table)
         self.run_state.done(it.provenance, told(table))
 
@@ -209,10 +176,8 @@ def finished(folder: Path, provenances: Sequence[Provenance], grasp_types: tuple
 
 def keep(run_state: RunState, provenance: Provenance) -> None:
     """Note that an object has its table, from an earlier call."""
-    allotted = {}
-    if provenance.budget is not None:
-        allotted = told(read_table(table_path(run_state.folder, provenance.object_name)))
-    run_state.done(provenance, allotted)
+    path = table_path(run_state.folder, provenance.object_name)
+    run_state.done(provenance, told(read_table(path)) if provenance.budget is not None else None)
 
 
 def _missing(outcomes: Sequence[str | None], candidates: int, chunk: int) -> Iterator[tuple[int, int]]:
@@ -231,5 +196,5 @@ def _missing(outcomes: Sequence[str | None], candidates: int, chunk: int) -> Ite
 
 def _failures(it: OpenObject) -> list[dict]:
     """Return the failures of an object as entries of the manifest."""
-    n, names = it.provenance.candidates, it.poses.grasp_types
+    n, names = it.of_each_type, it.poses.grasp_types
     return [{"type": names[row // n], "index": row, "reason": reason} for row, reason in sorted(it.reasons.items())]

@@ -76,13 +76,15 @@ class RunState:
             finally:
                 self._tidy()
 
-    def known(self, provenance: Provenance, poses: Callable[[int, int], int]) -> list[str | None]:
-        """Read the shards of an object: the outcome of each row, None where there is none yet.
+    def known(
+        self, provenance: Provenance, poses: Callable[[int, int], int], rows: int | None = None
+    ) -> list[str | None]:
+        """Read the shards of an object: the outcome of each of its `rows`, None where there is none yet.
 
         `poses(first, count)` is the checksum of the poses of these rows. A shard of other poses, or a damaged one,
         is an incident and left out; one of other settings is refused.
         """
-        known: list[str | None] = [None] * self.rows(provenance)
+        known: list[str | None] = [None] * (self.rows(provenance) if rows is None else rows)
         for path in sorted(self._shards(provenance.object_name).glob("*.json")):
             content = _read_shard(path)
             if content is not None and content["origin"] != self._fingerprint(provenance):
@@ -113,22 +115,14 @@ class RunState:
         write_bytes(path, json.dumps({**content, "checksum": _checksum(content)}).encode())
 
     def note(
-        self,
-        provenance: Provenance,
-        state: str,
-        trials: int,
-        reason: str = "",
-        failures: Sequence[Any] = (),
-        allotted: Mapping[str, Any] | None = None,
+        self, provenance: Provenance, state: str, trials: int, reason: str = "", failures: Sequence[Any] = ()
     ) -> None:
-        """Note the state of an object: `open`, `done` or `failed`, trials with an outcome, failures, and allotment."""
+        """Note the state of an object: `open`, `done` or `failed`, trials with an outcome, and failures."""
         entry: dict[str, Any] = {"digest": provenance.object_digest, "state": state, "trials": trials}
         if reason:
             entry["reason"] = reason
         if failures:
             entry["failures"] = list(failures)
-        if allotted:
-            entry["allotted"] = dict(allotted)
         self.objects[provenance.object_name] = entry
         if time.monotonic() - self._written_at > EVERY:
             self.write_manifest()
@@ -138,8 +132,10 @@ class RunState:
         sync(self.folder)
         shutil.rmtree(self._shards(provenance.object_name), ignore_errors=True)
         failures = self.objects.get(provenance.object_name, {}).get("failures", [])
-        rows = self.rows(provenance) if not allotted else sum(its["candidates"] for its in allotted.values())
-        self.note(provenance, "done", rows, failures=failures, allotted=allotted)
+        rows = allotted["candidates"] * self.types if allotted else self.rows(provenance)
+        self.note(provenance, "done", rows, failures=failures)
+        if allotted:
+            self.objects[provenance.object_name]["allotted"] = dict(allotted)
 
     def rows(self, provenance: Provenance) -> int:
         """Return the number of rows in the table of an object; with a budget, the most that there may be."""

@@ -48,7 +48,7 @@ class Provenance:
         sampler, episode: the settings as plain values.
         candidates: of each grasp type; with a budget, the most of each.
         seed: of the whole set; the object's own stream follows from it and the name.
-        budget: by which trials were allotted, as plain values (`config.Budget`); None: all candidates were tried.
+        budget: trials that need physics, by which candidates were allotted (`allotment`); None: all were tried.
     """
 
     object_name: str
@@ -58,11 +58,11 @@ class Provenance:
     episode: dict[str, Any]
     candidates: int
     seed: int
-    budget: dict[str, Any] | None = None
+    budget: int | None = None
 
     @property
     def plain(self) -> dict[str, Any]:
-        """The fields by name, without a budget where there is none: tables without one do not tell of it."""
+        """The fields by name, without a budget where there is none: such tables do not tell of it."""
         return {key: value for key, value in asdict(self).items() if key != "budget" or value is not None}
 
 
@@ -185,13 +185,13 @@ def _decoded(path: Path, content: pa.Table) -> TrialTable:
 
 
 def _check_counts(path: Path, table: TrialTable) -> None:
-    """InputError unless there are as many trials of each type as the provenance says: with a budget, at most."""
-    rows, budget, names = table.provenance.candidates, table.provenance.budget, table.grasp_types
+    """InputError unless each type has as many trials as the provenance says; with a budget, as others have, at most."""
+    most, names = table.provenance.candidates, table.grasp_types
     counts = torch.bincount(table.grasp_type, minlength=len(names)).tolist()
-    if set(counts) != {rows} if budget is None else not counts or max(counts) > rows:
+    rows = most if table.provenance.budget is None or not counts else min(counts[0], most)
+    if set(counts) != {rows}:
         got = ", ".join(f"{count} of {name}" for name, count in zip(names, counts, strict=True)) or "none"
-        most = "" if budget is None else "at most "
-        raise InputError(f"{path}: expected {most}{rows} trials of each grasp type, got {got:.200}")
+        raise InputError(f"{path}: expected {rows} trials of each grasp type, got {got:.200}")
 
 
 def check_poses(path: Path, position: Tensor, quaternion: Tensor) -> None:

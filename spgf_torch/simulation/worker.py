@@ -5,7 +5,7 @@ Does not import torch, which no trial needs: a worker starts in two seconds and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 # Loading an object may take so many times the time limit of a trial: the first one loads the simulator.
 BUILDING = 10
-
-COLLISION = "collision"  # of `table.OUTCOMES` what geometry tells, without physics
 
 # T_object_tcp (4, 4) -> one of `table.OUTCOMES`.
 TrialFunction = Callable[[np.ndarray], str]
@@ -54,7 +52,7 @@ def physics(obj: GraspObject, trials: Trials, grasp_type: str) -> TrialFunction:
 
     check = PreCheck(obj, trials.hand.preshapes[grasp_type])
     simulator = Simulator(obj, trials.hand, trials.episode)
-    return lambda T: COLLISION if check.collides(T) else simulator.run(T, grasp_type)
+    return lambda T: "collision" if check.collides(T) else simulator.run(T, grasp_type)
 
 
 @dataclass(frozen=True)
@@ -84,8 +82,7 @@ class ChunkResult:
     """The result of a chunk.
 
     Attributes:
-        outcomes: of each candidate one of `table.OUTCOMES`, or None where it has none; of the first ones alone where
-            the chunk had an end to its episodes (`try_chunk`).
+        outcomes: of each candidate one of `table.OUTCOMES`, or None where it has none.
         reasons: index into `outcomes` -> why it has none.
         unbuilt: why the object could not be loaded, or ""; then no candidate has an outcome.
         incident: a failure that was repaired or is among `reasons`, or "".
@@ -97,11 +94,8 @@ class ChunkResult:
     incident: str = ""
 
 
-def try_chunk(case: Case, T_object_tcp: np.ndarray, limit: float | None = None, most: int | None = None) -> ChunkResult:
-    """Run the trial of each T_object_tcp (M, 4, 4) in this process, which ends if one exceeds `limit` seconds.
-
-    After `most` trials that are no collisions, of which geometry tells, the rest is left; None: none is left.
-    """
+def try_chunk(case: Case, T_object_tcp: np.ndarray, limit: float | None = None) -> ChunkResult:
+    """Run the trial of each T_object_tcp (M, 4, 4) in this process, which ends if one exceeds `limit` seconds."""
     try:
         with limited(limit and BUILDING * limit):
             run_trial = _trial_function(case)
@@ -110,8 +104,6 @@ def try_chunk(case: Case, T_object_tcp: np.ndarray, limit: float | None = None, 
     outcomes: list[str | None] = []
     reasons: dict[int, str] = {}
     for index, T in enumerate(T_object_tcp):
-        if most is not None and episodes(outcomes) >= most:
-            break
         try:
             with limited(limit):
                 outcomes.append(run_trial(T))
@@ -121,17 +113,8 @@ def try_chunk(case: Case, T_object_tcp: np.ndarray, limit: float | None = None, 
     return ChunkResult(outcomes, reasons)
 
 
-def episodes(outcomes: Sequence[str | None]) -> int:
-    """Return how many trials needed physics: all but collisions; one that failed counts, too."""
-    return len(outcomes) - outcomes.count(COLLISION)
-
-
 def try_in_process(
-    process: WorkerProcess,
-    case: Case,
-    T_object_tcp: np.ndarray,
-    limit: float | None = None,
-    most: int | None = None,
+    process: WorkerProcess, case: Case, T_object_tcp: np.ndarray, limit: float | None = None
 ) -> ChunkResult:
     """Run `try_chunk` in a separate process.
 
@@ -139,7 +122,7 @@ def try_in_process(
     those that end have the same outcome.
     """
     try:
-        return process.call(try_chunk, case, T_object_tcp, limit, most)
+        return process.call(try_chunk, case, T_object_tcp, limit)
     except WorkerDiedError as died:
         incident = (
             f"{case.obj.name} {case.grasp_type}: a process died ({died}); {len(T_object_tcp)} candidates tried again"
@@ -147,8 +130,6 @@ def try_in_process(
     outcomes: list[str | None] = []
     reasons: dict[int, str] = {}
     for index in range(-1, len(T_object_tcp)):  # first without a candidate: only the object is loaded
-        if most is not None and episodes(outcomes) >= most:
-            break
         try:
             one = process.call(try_chunk, case, T_object_tcp[max(index, 0) : index + 1], limit)
         except WorkerDiedError as died:

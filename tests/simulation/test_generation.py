@@ -47,7 +47,7 @@ class Ending:
         for number, task in enumerate(tasks):
             if number == self.tasks:
                 raise KeyboardInterrupt
-            yield task, try_chunk(task.case, task.T_object_tcp, most=task.most)
+            yield task, try_chunk(task.case, task.T_object_tcp)
 
 
 def test_where_order_and_chunks_do_not_matter(tmp_path: Path) -> None:
