@@ -1,201 +1,166 @@
-"""Trials by a budget: which type is next, by hand; requests; tables over several calls; what readers take."""
+"""Trials by a budget: how many, by hand; tables over several calls; what readers take; on a real object."""
 
 from __future__ import annotations
 
-import random
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 import torch
-from generations import Calls, manifest, tables
+from generations import Calls, manifest, tables, tossed_collision
 from test_generation import Ending
 from toys import TRIALS, WORDS, Toy, checksum, toss
 
 from spgf_torch.errors import InputError
-from spgf_torch.simulation.allotment import Allotted, Request, allot, told, uncertainty
-from spgf_torch.simulation.config import Budget
+from spgf_torch.simulation.allotment import allotted, free_candidates, told
 from spgf_torch.simulation.execute import sample
 from spgf_torch.simulation.executors import InlineExecutor, ProcessExecutor
 from spgf_torch.simulation.table import TrialTable, read_table, write_table
-from spgf_torch.simulation.worker import Case, episodes, try_chunk
 
-S, C, M = "success", "collision", "missed"
-# Six candidates of each of two types.
-OUTCOMES = [C, S, S, M, S, C, S, S, S, C, S, S]
+N, BUDGET = 12, 9
+COLLISION = WORDS.index("collision")
 
 
-def test_uncertainty_by_hand() -> None:
-    """Of no trial that of a uniform rate, sqrt(1/12); of Beta(3, 2), mean 0.6: sqrt(0.6 * 0.4 / 6)."""
-    assert uncertainty([]) == uncertainty([C, C]) == pytest.approx(12**-0.5)
-    assert uncertainty([S, C, M, S]) == pytest.approx(0.2)
-    assert uncertainty(["dropped", None, S]) == pytest.approx((0.4 * 0.6 / 6) ** 0.5)
+def calls(*objects: Toy, budget: int | None = BUDGET) -> Calls:
+    return Calls(objects, TRIALS, toss, N, budget)
 
 
-@pytest.mark.parametrize(
-    ("budget", "rows"),
-    [
-        # Both unknown: two trials of the first, then of the second; both 2 of 2: the first again, with what is left.
-        (Budget(5, 0.0, 2), (4, 2)),
-        # Its next round has two, after which 3 of 4 (0.178) is known better than 2 of 2 (0.194).
-        (Budget(7, 0.0, 2), (5, 3)),
-        # 2 of 2 is known well enough.
-        (Budget(7, 0.2, 2), (3, 2)),
-        # There is no more: five trials of the second, and of the first its last candidate, which collides, too.
-        (Budget(100, 0.0, 2), (6, 6)),
-        # One round each, the second with the rest.
-        (Budget(5, 0.0, 3), (4, 2)),
-    ],
-)
-def test_rounds_by_hand(budget: Budget, rows: tuple[int, ...]) -> None:
-    assert allot(OUTCOMES, 2, budget) == Allotted(rows, None)
+# Free candidates of two types: 1 after the first of each, 1, 3, 3, 4, 6 after the following ones.
+FREE = np.array([[1, 0, 1, 0, 1, 1], [0, 0, 1, 0, 0, 1]], dtype=bool)
 
 
-def test_what_is_asked_for() -> None:
-    """From the first candidate without an outcome to the next that has one; of a type; what is left of a round."""
-    budget = Budget(5, 0.0, 2)
-    assert allot([None] * 12, 2, budget) == Allotted((0, 0), Request(0, 6, 2))
-    assert allot([*OUTCOMES[:3], *[None] * 9], 2, budget) == Allotted((3, 0), Request(6, 12, 2))
-    assert allot([C, S, None, *OUTCOMES[3:]], 2, budget) == Allotted((0, 0), Request(2, 3, 1))
+@pytest.mark.parametrize(("budget", "count"), [(1, 1), (2, 3), (3, 3), (4, 5), (5, 6), (6, 6), (7, 6), (10**6, 6)])
+def test_how_many_by_hand(budget: int, count: int) -> None:
+    """Until so many of both types together are free; there are six and no more."""
+    assert allotted(FREE, budget) == count
 
 
-def test_a_trial_that_failed_counts_as_tried() -> None:
-    """Row 2 has no outcome: 1 of 2 of the first type is known less (0.224) than 2 of 2 of the second."""
-    failed = [C, S, None, *OUTCOMES[3:]]
-    assert allot(failed, 2, Budget(4, 0.0, 2), {2}) == Allotted((3, 2), None)
-    assert allot(failed, 2, Budget(6, 0.0, 2), {2}) == Allotted((5, 2), None)
+def test_nothing_is_free() -> None:
+    """Geometry tells of all, so all are tried."""
+    assert allotted(np.zeros((2, 6), dtype=bool), 1) == 6
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_answering_requests_ends_where_all_outcomes_do(seed: int) -> None:
-    """What is asked for in turn is what the rounds of all outcomes use: no trial more, and none beyond the budget."""
-    draw = random.Random(seed)
-    types, size = draw.randint(1, 3), draw.randint(1, 30)
-    budget = Budget(draw.randint(1, 40), draw.choice([0.0, 0.1]), draw.randint(1, 7))
-    truth = [draw.choice([S, C, C, M]) for _ in range(types * size)]
-    outcomes: list[str | None] = [None] * len(truth)
-    while (request := allot(outcomes, types, budget).request) is not None:
-        assert request.most > 0 and request.first // size == (request.end - 1) // size
-        for row in range(request.first, request.end):
-            if episodes(truth[request.first : row]) == request.most:
-                break
-            outcomes[row] = truth[row]
-    rows = allot(outcomes, types, budget).rows
-    assert rows == allot(truth, types, budget).rows
-    used = [code * size + row for code, count in enumerate(rows) for row in range(count)]
-    assert [row for row, word in enumerate(outcomes) if word is not None] == used
-    assert episodes([truth[row] for row in used]) <= budget.trials
+def test_the_first_candidates_of_each_type() -> None:
+    poses = sample(Toy("a"), calls().provenance(Toy("a")), TRIALS.samplers)
+    few = poses.first(3)
+    assert len(few) == 6 and few.grasp_type.tolist() == [0, 0, 0, 1, 1, 1]
+    rows = [0, 1, 2, N, N + 1, N + 2]
+    assert torch.equal(few.position, poses.position[rows]) and torch.equal(few.quaternion, poses.quaternion[rows])
+    assert np.array_equal(few.T_object_tcp(2, 4), poses.T_object_tcp(0, 2 * N)[[2, N]])
 
 
-def test_a_chunk_ends_after_so_many_episodes() -> None:
-    """Of poses whose words are known the first ones, up to the second that is no collision; a failure is one."""
-    obj = Toy("a")
-    T = sample(obj, calls(obj).provenance(obj), TRIALS.samplers).T_object_tcp(0, N)
-    words = [WORDS[checksum(one) % 6] for one in T]
-    end = [row for row, word in enumerate(words) if word != C][1] + 1
-    assert try_chunk(Case.of(obj, TRIALS, "NPG", toss), T, most=2).outcomes == words[:end]
-    bad = Toy("bad", {checksum(T[row]): "raise" for row in range(N) if words[row] != C})
-    failed = try_chunk(Case.of(bad, TRIALS, "NPG", toss), T, most=2)
-    assert failed.outcomes == [None if word != C else C for word in words[:end]] and len(failed.reasons) == 2
-
-
-N = 12
-BUDGET = Budget(9, 0.0, 2)
-
-
-def calls(*objects: Toy) -> Calls:
-    return Calls(objects, TRIALS, toss, N, BUDGET)
-
-
-def rows_of(table: TrialTable, code: int) -> list[list[float]]:
-    rows = table.grasp_type == code
-    return torch.cat([table.position, table.quaternion, table.outcome[:, None]], dim=1)[rows].tolist()
+def test_what_is_free_is_asked_of_each_type_by_its_own_hand() -> None:
+    """Of three types the second's hand cuts where x is positive, the others' where z is."""
+    types = ("claw", "hook", "pinch")
+    trials: Any = SimpleNamespace(samplers=dict.fromkeys(types, "surface_pairs"))
+    poses = sample(Toy("a"), calls().provenance(Toy("a")), trials.samplers)
+    free = free_candidates(
+        Toy("a"), poses, trials, lambda obj, trials, name: lambda T: T[0 if name == "hook" else 2, 3] > 0
+    )
+    expected = [(poses.position[i * N : (i + 1) * N, axis] <= 0).tolist() for i, axis in enumerate((2, 0, 2))]
+    assert free.tolist() == expected and 0 < free.sum() < free.size
 
 
 def test_a_table_of_a_budget_is_the_beginning_of_the_whole_one(tmp_path: Path) -> None:
     """Of each type, in one process and in two; and its manifest says what was allotted, and why no more."""
     objects = [Toy("a"), Toy("b"), Toy("c")]
-    Calls(objects, TRIALS, toss, N).make(tmp_path / "whole", InlineExecutor())
-    told_by = []
+    calls(*objects, budget=None).make(tmp_path / "whole", InlineExecutor())
     for number, executor in enumerate((InlineExecutor(), ProcessExecutor(2), ProcessExecutor(1))):
         advanced: list[int] = []
         out = tmp_path / str(number)
         run_state, ran = calls(*objects).make(out, executor, chunk=3 + number, progress=advanced.append)
         assert tables(out) == tables(tmp_path / "0") and not (out / "shards").exists()
         assert run_state.trials == ran and sum(advanced) == len(objects) * 2 * N
-        told_by.append(manifest(out)["objects"])
-    assert told_by[0] == told_by[1] == told_by[2]
+        assert manifest(out)["objects"] == manifest(tmp_path / "0")["objects"]
+    counts = []
     for obj in objects:
         whole, part = (read_table(tmp_path / f"{place}/{obj.name}.parquet") for place in ("whole", "0"))
-        words = [WORDS[code] for code in whole.outcome.tolist()]
-        counts = allot(words, 2, BUDGET).rows
-        for code, count in enumerate(counts):
-            assert rows_of(part, code) == rows_of(whole, code)[:count]
-        its = manifest(tmp_path / "0")["objects"][obj.name]["allotted"]
-        assert its == told(part) and [its[name]["candidates"] for name in ("NPG", "WPG")] == list(counts)
-        assert sum(entry["physics"] for entry in its.values()) == BUDGET.trials
-        assert {entry["ended"] for entry in its.values()} == {"budget"}
+        its = manifest(tmp_path / "0")["objects"][obj.name]
+        count = its["allotted"]["candidates"]
+        rows = [*range(count), *range(N, N + count)]
+        for name in ("position", "quaternion", "grasp_type", "outcome"):
+            assert torch.equal(getattr(part, name), getattr(whole, name)[rows])
+        free = (part.outcome != COLLISION).reshape(2, count)
+        assert BUDGET <= int(free.sum()) <= BUDGET + 1 and int(free[:, :-1].sum()) < BUDGET
+        of_types = {"NPG": int(free[0].sum()), "WPG": int(free[1].sum())}
+        assert its["allotted"] == {"candidates": count, "physics": of_types, "ended": "budget"}
+        assert its["trials"] == len(part) == 2 * count
+        counts.append(count)
+    assert len(set(counts)) > 1  # each object has its own number
 
 
-def test_what_is_told_of_a_type() -> None:
-    """All three candidates of the first type, one a collision: 1 of 2 held; of the second one of three."""
-    made = calls().provenance(Toy("a"), candidates=3)
-    outcome = torch.tensor([WORDS.index(word) for word in (C, S, M, S)])
-    poses = torch.zeros(4, 3), torch.tensor([[1.0, 0, 0, 0]] * 4)
-    table = TrialTable(made, *poses, torch.tensor([0, 0, 0, 1]), outcome, {}, ("NPG", "WPG"))
-    assert told(table) == {
-        "NPG": {"candidates": 3, "physics": 2, "success": 1, "uncertainty": 0.2236, "ended": "candidates"},
-        "WPG": {"candidates": 1, "physics": 1, "success": 1, "uncertainty": 0.2357, "ended": "budget"},
-    }
-    assert told(replace(table, provenance=replace(made, budget=None))) == {}
+def test_what_is_told_of_an_object(tmp_path: Path) -> None:
+    """With more budget than candidates all of them are tried, and that is why there are no more."""
+    calls(Toy("a"), budget=1000).make(tmp_path, InlineExecutor())
+    table = read_table(tmp_path / "a.parquet")
+    its = told(table)
+    assert (its["candidates"], its["ended"]) == (N, "candidates")
+    assert sum(its["physics"].values()) == int((table.outcome != COLLISION).sum())
+    assert told(replace(table, provenance=replace(table.provenance, budget=None))) == {}
 
 
-@pytest.mark.parametrize("tasks", [0, 1, 4, 7])
+@pytest.mark.parametrize("tasks", [0, 1, 3])
 def test_a_second_call_goes_on(tasks: int, tmp_path: Path) -> None:
+    """Also one that has lost the manifest: what was allotted is told from the tables."""
     objects = [Toy("a"), Toy("b")]
     _, needed = calls(*objects).make(tmp_path / "whole", InlineExecutor())
+    out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
-        calls(*objects).make(tmp_path / "out", Ending(tasks))
-    kept = manifest(tmp_path / "out")["trials"]
+        calls(*objects).make(out, Ending(tasks))
+    kept = manifest(out)["trials"]
     assert (kept > 0) == (tasks > 0)
-    _, ran = calls(*objects).make(tmp_path / "out", InlineExecutor())
-    assert ran == needed - kept and tables(tmp_path / "out") == tables(tmp_path / "whole")
-    _, ran = calls(*objects).make(tmp_path / "out", InlineExecutor())
-    assert ran == 0 and manifest(tmp_path / "out")["trials"] == needed
+    _, ran = calls(*objects).make(out, InlineExecutor())
+    assert ran == needed - kept and tables(out) == tables(tmp_path / "whole")
+    (out / "manifest.json").unlink()
+    _, ran = calls(*objects).make(out, InlineExecutor())
+    assert ran == 0 and manifest(out)["objects"] == manifest(tmp_path / "whole")["objects"]
 
 
 def test_a_trial_that_failed_is_tried_again_by_the_next_call(tmp_path: Path) -> None:
-    T = sample(Toy("a"), calls().provenance(Toy("a")), TRIALS.samplers).T_object_tcp(0, N)
-    first = next(row for row in range(N) if WORDS[checksum(T[row]) % 6] != C)
+    T = sample(Toy("a"), calls().provenance(Toy("a")), TRIALS.samplers).T_object_tcp(0, 2 * N)
+    free = [row for row in range(N, 2 * N) if not tossed_collision(Toy("a"), TRIALS, "WPG")(T[row])]
     calls(Toy("a")).make(tmp_path / "whole", InlineExecutor())
     out = tmp_path / "out"
-    calls(Toy("a", {checksum(T[first]): "crash"}), Toy("b", unmade="raise")).make(out, ProcessExecutor(1))
-    entries = manifest(out)["objects"]
-    assert not tables(out) and entries["a"]["failures"][0]["index"] == first
-    assert entries["b"]["reason"] == "cannot be made: ValueError: no such thing"
-    calls(Toy("a")).make(out, InlineExecutor())
-    assert tables(out) == tables(tmp_path / "whole")
+    calls(Toy("a", {checksum(T[free[0]]): "crash"})).make(out, ProcessExecutor(1))
+    assert not tables(out)
+    assert [(it["type"], it["index"]) for it in manifest(out)["objects"]["a"]["failures"]] == [
+        ("WPG", free[0] - N + len(read_table(tmp_path / "whole/a.parquet")) // 2)
+    ]
+    _, ran = calls(Toy("a")).make(out, InlineExecutor())
+    assert ran == 1 and tables(out) == tables(tmp_path / "whole")
 
 
 def test_another_budget_is_refused(tmp_path: Path) -> None:
     calls(Toy("a")).make(tmp_path, InlineExecutor())
-    with pytest.raises(InputError, match=r"a.parquet: expected trials made with budget None, got"):
-        Calls([Toy("a")], TRIALS, toss, N).make(tmp_path, InlineExecutor())
-    more = Calls([Toy("a")], TRIALS, toss, N, replace(BUDGET, trials=11))
-    with pytest.raises(InputError, match=r"a.parquet: expected trials made with budget.trials 11, got 9"):
-        more.make(tmp_path, InlineExecutor())
+    for budget, words in ((None, "budget None, got 9"), (11, "budget 11, got 9")):
+        with pytest.raises(InputError, match=rf"a.parquet: expected trials made with {words}"):
+            calls(Toy("a"), budget=budget).make(tmp_path, InlineExecutor())
 
 
-def test_a_table_may_have_fewer_trials_but_not_more(tmp_path: Path) -> None:
-    """Than candidates, of each type; one without a budget does not tell of it, as older ones."""
+def changed(table: TrialTable, path: Path, rows: list[int], **provenance: Any) -> Path:
+    """The table with these rows alone, and with another provenance, in a file."""
+    columns = {name: getattr(table, name)[rows] for name in ("position", "quaternion", "grasp_type", "outcome")}
+    write_table(path, replace(table, provenance=replace(table.provenance, **provenance), **columns))
+    return path
+
+
+def test_how_many_trials_a_table_may_have(tmp_path: Path) -> None:
+    """With a budget as many of each type, but no more than candidates; without one, which it then does not tell of,
+    as many as candidates."""
     calls(Toy("a")).make(tmp_path, InlineExecutor())
-    path = tmp_path / "a.parquet"
-    table = read_table(path)
-    assert table.provenance.budget == asdict(BUDGET)
-    write_table(path, replace(table, provenance=replace(table.provenance, candidates=3)))
-    with pytest.raises(InputError, match=r"a.parquet: expected at most 3 trials of each grasp type, got \d+ of NPG"):
-        read_table(path)
-    write_table(path, replace(table, provenance=replace(table.provenance, budget=None)))
-    with pytest.raises(InputError, match=r"a.parquet: expected 12 trials of each grasp type, got \d+ of NPG"):
-        read_table(path)
+    table = read_table(tmp_path / "a.parquet")
+    count, path = len(table) // 2, tmp_path / "b.parquet"
+    every = list(range(2 * count))
+    assert read_table(changed(table, path, [0, count])).provenance.budget == BUDGET
+    with pytest.raises(InputError, match=rf"expected {count - 1} trials of each grasp type, got {count} of NPG"):
+        read_table(changed(table, path, every, candidates=count - 1))
+    with pytest.raises(InputError, match=rf"expected {count} trials of each grasp type, got {count} of NPG, 1 of WPG"):
+        read_table(changed(table, path, every[: count + 1]))
+    with pytest.raises(InputError, match=rf"expected {N} trials of each grasp type, got {count} of NPG"):
+        read_table(changed(table, path, every, budget=None))
     assert b"budget" not in path.read_bytes()
+    with pytest.raises(InputError, match="expected"):
+        read_table(changed(table, path, []))
