@@ -65,5 +65,5 @@ def told(table: TrialTable) -> dict[str, Any]:
     candidates = len(table) // len(table.grasp_types)
     needed = table.outcome != OUTCOMES.index("collision")
     physics = {name: int(needed[table.grasp_type == code].sum()) for code, name in enumerate(table.grasp_types)}
-    ended = "budget" if sum(physics.values()) >= table.provenance.budget else "candidates"
-    return {"candidates": candidates, "physics": physics, "ended": ended}
+    all_tried = candidates == table.provenance.candidates and sum(physics.values()) < table.provenance.budget
+    return {"candidates": candidates, "physics": physics, "ended": "candidates" if all_tried else "budget"}

@@ -45,6 +45,7 @@ from spgf_torch.simulation.table import OUTCOMES, TrialTable, read_table
 from spgf_torch.simulation.worker import Trials, physics
 
 UNIFORM, BUDGETS = (25, 50, 100, 150, 250, 400, 1000), (25, 50, 100, 150, 200)
+SHOWN = (("uniform", 100), ("uniform", 250), ("budget", 50), ("budget", 150))  # as figures
 TIMED = 4  # free trials of each type on each object
 RANKING = "log_odds_free"  # the one that training folds choose most often
 COLLISION = OUTCOMES.index("collision")
@@ -191,8 +192,10 @@ def main() -> None:
             numbers = {"way": way.name, "count": way.count, "seconds": seconds, "physics": int(sum(map(np.sum, free)))}
             report.row(**numbers, CG=mean, low=low, high=high, **types)
             lost = words(rates["CG"] - whole["CG"], 100, 1)
-            what = "candidates of each type" if way.name == "uniform" else "trials an object, allotted"
-            report.figure(f"{hand}, {way.count} {what}: CG minus the whole table's", "", f"{lost}, {seconds:.0f} s")
+            print(f"    minus the whole table's: {lost}")
+            if (way.name, way.count) in SHOWN:
+                what = "candidates of each type" if way.name == "uniform" else "trials an object by budget"
+                report.figure(f"{hand}, {way.count} {what}: CG minus the whole table's", "", f"{lost}, {seconds:.0f} s")
     if "picture" in given:
         draw(report.rows, hand, Path(given["picture"]))
     if given.get("write") == "true":
