@@ -44,7 +44,7 @@ from spgf_torch.simulation.allotment import allotted
 from spgf_torch.simulation.table import OUTCOMES, TrialTable, read_table
 from spgf_torch.simulation.worker import Trials, physics
 
-UNIFORM, BUDGETS = (25, 50, 100, 150, 250, 400, 1000), (25, 50, 100, 150, 200)
+UNIFORM, BUDGETS = (400, 250, 150, 100, 50), (150, 100, 50, 200)
 SHOWN = (("uniform", 100), ("uniform", 250), ("budget", 50), ("budget", 150))  # as figures
 TIMED = 4  # free trials of each type on each object
 RANKING = "log_odds_free"  # the one that training folds choose most often
@@ -159,7 +159,7 @@ def draw(rows: Sequence[Mapping[str, float]], hand: str, file: Path) -> None:
     figure = Figure(figsize=(6, 4), layout="constrained")
     axes = figure.add_subplot()
     for name in ("uniform", "budget"):
-        its = [row for row in rows if row["way"] == name]
+        its = sorted((row for row in rows if row["way"] == name), key=lambda row: row["seconds"])
         mean, low, high = (np.array([row[key] for row in its]) for key in ("CG", "low", "high"))
         seconds = [row["seconds"] for row in its]
         axes.errorbar(seconds, mean, [mean - low, high - mean], marker="o", capsize=3, label=name)
@@ -181,12 +181,13 @@ def main() -> None:
         trials = Trials(load_hand(first.hand), first.episode)
         costs = [Costs.of(obj, table, trials) for obj, table in zip(objects, tables, strict=True)]
         folds = [Folds(settings_of(hand, seed), objects, tables) for seed in seeds]
-        whole = over_seeds(folds, Way("uniform", most))
-        ways = [Way("uniform", n) for n in UNIFORM if n <= most] + [Way("budget", n) for n in BUDGETS]
-        for way in ways:
+        whole = None
+        uniform = (most, *(n for n in UNIFORM if n < most))
+        for way in [*(Way("uniform", n) for n in uniform), *(Way("budget", n) for n in BUDGETS)]:
             free = [free_of(table)[:, : way.candidates(table)] for table in tables]
             seconds = sum(cost.seconds(its) for cost, its in zip(costs, free, strict=True))
             rates = over_seeds(folds, way)
+            whole = whole or rates
             mean, low, high = (100 * value for value in interval(rates["CG"]))
             types = {name: 100 * float(of.mean()) for name, of in rates.items() if name != "CG"}
             numbers = {"way": way.name, "count": way.count, "seconds": seconds, "physics": int(sum(map(np.sum, free)))}
