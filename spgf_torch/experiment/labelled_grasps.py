@@ -54,7 +54,8 @@ def _made_with(path: Path) -> tuple[int, int, int | None]:
         raise InputError(f"{path}: expected the settings of a trial table (python -m spgf_torch.simulate), got no file")
     settings = yaml_values(path, "the keys candidates and seed", sealed=True)
     try:
+        candidates, seed = int(settings["candidates"]), int(settings["seed"])
         budget = settings.get("budget")  # older ones have no such key
-        return int(settings["candidates"]), int(settings["seed"]), None if budget is None else int(budget)
+        return candidates, seed, None if budget is None else int(budget)
     except (KeyError, TypeError, ValueError, OverflowError):
         raise InputError(f"{path}: expected the keys candidates and seed, got something else") from None
