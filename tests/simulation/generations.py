@@ -11,6 +11,7 @@ from typing import Any
 from toys import WORDS, checksum
 
 from spgf_torch.settings import plain, settings
+from spgf_torch.simulation.allotment import open_hand
 from spgf_torch.simulation.config import SamplerConfig
 from spgf_torch.simulation.executors import Executor
 from spgf_torch.simulation.generation import Generation, Plan, finished, keep
@@ -69,7 +70,8 @@ class Calls:
         with run_state.open(provenances):
             for its in there:
                 keep(run_state, its)
-            plan = Plan(self.trials, chunk, failed_as, self.attempt or physics, tossed_collision)
+            geometry = open_hand if self.attempt is None else tossed_collision
+            plan = Plan(self.trials, chunk, failed_as, self.attempt or physics, geometry)
             generation = Generation(run_state, plan, progress)
             waiting = [pair for pair in zip(self.objects, provenances, strict=True) if pair[1] not in there]
             generation.run(waiting, executor)
