@@ -163,7 +163,7 @@ def draw(rows: Sequence[Mapping[str, float]], hand: str, file: Path) -> None:
         mean, low, high = (np.array([row[key] for row in its]) for key in ("CG", "low", "high"))
         seconds = [row["seconds"] for row in its]
         axes.errorbar(seconds, mean, [mean - low, high - mean], marker="o", capsize=3, label=name)
-    axes.set(xscale="log", xlabel="seconds of processor", ylabel="CG of novel objects, %", title=hand)
+    axes.set(xlabel="seconds of processor", ylabel="CG of novel objects, %", title=hand)
     axes.legend()
     figure.savefig(file, dpi=120)
 
