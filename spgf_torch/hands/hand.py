@@ -72,6 +72,7 @@ def load_hand(config: HandConfig) -> Hand:
     return _HANDS[key]
 
 
+MOST_FINGERS, MOST_TYPES = 20, 50
 MOST_HANDS = 16  # kept of those that were loaded
 _HANDS: dict[tuple[str, str, str], Hand] = {}
 
@@ -108,6 +109,9 @@ def _mimics(robot: Robot) -> str:
 
 def _with_known_names(robot: Robot, config: HandConfig) -> HandConfig:
     """The same with each finger a list of links. Raises InputError for links and joints that the URDF has not."""
+    if len(config.fingers) > MOST_FINGERS or len(config.preshapes) > MOST_TYPES:
+        got = f"{len(config.fingers)} fingers, {len(config.preshapes)} preshapes"
+        raise InputError(f"hand: expected at most {MOST_FINGERS} fingers and {MOST_TYPES} preshapes, got {got}")
     fingers = {name: [links] if isinstance(links, str) else links for name, links in config.fingers.items()}
     for name, links in fingers.items():
         if not isinstance(links, list) or not links:
