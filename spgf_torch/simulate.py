@@ -39,7 +39,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
     from spgf_torch.handcheck.standing import tried_hand
     from spgf_torch.objects.folders import read_objects
     from spgf_torch.simulation.execute import made_with, provenance_of
-    from spgf_torch.simulation.generation import Generation, Plan, finished
+    from spgf_torch.simulation.generation import Generation, Plan, finished, keep
     from spgf_torch.simulation.run_state import RunState
     from spgf_torch.simulation.worker import Trials
 
@@ -50,17 +50,18 @@ def run(config: SimulateConfig, folder: Path) -> None:
         show(note)
     objects = found.objects[share[0] - 1 :: share[1]]
     trials = Trials(hand, config.episode)
-    provenances = [provenance_of(obj, trials, config.sampler, config.candidates, config.seed) for obj in objects]
+    counts = (config.candidates, config.seed, config.budget)
+    provenances = [provenance_of(obj, trials, config.sampler, *counts) for obj in objects]
     there = finished(out, provenances, trials.grasp_types)
     executor = executor_of(config)
-    made = made_with(trials, config.sampler, config.candidates, config.seed)
+    made = made_with(trials, config.sampler, *counts)
     run_state = RunState(out, share, made, len(trials.grasp_types))
     run_state.left_out = [note for note in found.notes if note.startswith("left out: ")]
     try:
         with run_state.open(provenances):
             write_bytes(out / "config.yaml", sealed_yaml(OmegaConf.to_yaml(OmegaConf.create(plain(config)))))
             for its in there:
-                run_state.done(its)
+                keep(run_state, its)
             waiting = [pair for pair in zip(objects, provenances, strict=True) if pair[1] not in there]
             with stages.stage("trials", sum(run_state.rows(its) for _, its in waiting), "candidates") as advance:
                 generation = Generation(run_state, Plan(trials, config.chunk, config.failed_as), advance)

@@ -24,12 +24,12 @@ def tables_of(objects: Sequence[GraspObject], place: str, trials: Trials, sample
     """The trial tables of objects in the folder `place`, in their order.
 
     Raises InputError where a table is missing, damaged, of other grasp types than the hand's, or was made with another
-    hand, object, sampler or episode than the settings'. How many candidates and which seed is up to the table, the same
-    for all of its files.
+    hand, object, sampler or episode than the settings'. How many candidates, which seed and which budget is up to the
+    table, the same for all of its files.
     """
     folder = find(place)
-    candidates, seed = _made_with(folder / "config.yaml")
-    first = provenance_of(objects[0], trials, sampler, candidates, seed)  # all but the object is the same for all
+    counts = _made_with(folder / "config.yaml")
+    first = provenance_of(objects[0], trials, sampler, *counts)  # all but the object is the same for all
     expected = [replace(first, object_name=obj.name, object_digest=obj.digest) for obj in objects]
     return read_tables(folder, expected, trials.grasp_types)
 
@@ -48,12 +48,14 @@ def open_hand(config: HandConfig) -> dict[str, HandVolume]:
     return hand_volumes(load_hand(config))
 
 
-def _made_with(path: Path) -> tuple[int, int]:
-    """How many candidates of each type, and the seed, of the trials that `simulate` left beside this file."""
+def _made_with(path: Path) -> tuple[int, int, int | None]:
+    """How many candidates of each type, the seed and the budget of the trials that `simulate` left beside this file."""
     if not path.is_file():
         raise InputError(f"{path}: expected the settings of a trial table (python -m spgf_torch.simulate), got no file")
     settings = yaml_values(path, "the keys candidates and seed", sealed=True)
     try:
-        return int(settings["candidates"]), int(settings["seed"])
+        candidates, seed = int(settings["candidates"]), int(settings["seed"])
+        budget = settings.get("budget")  # older ones have no such key
+        return candidates, seed, None if budget is None else int(budget)
     except (KeyError, TypeError, ValueError, OverflowError):
         raise InputError(f"{path}: expected the keys candidates and seed, got something else") from None

@@ -76,6 +76,7 @@ class SimulateConfig(ObjectsConfig):
     """`python -m spgf_torch.simulate`: the trial table."""
 
     candidates: int = bounded(1, 10_000_000)
+    budget: int | None = bounded(1, 10_000_000)
     out: str | None = text()
     seed: int = bounded(0, 2**31 - 1)
     chunk: int = bounded(1, 1_000_000)

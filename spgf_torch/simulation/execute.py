@@ -31,7 +31,9 @@ class TrialError(RuntimeError):
     """A trial that has no outcome: whose, and why."""
 
 
-def provenance_of(obj: GraspObject, trials: Trials, sampler: SamplerConfig, candidates: int, seed: int) -> Provenance:
+def provenance_of(
+    obj: GraspObject, trials: Trials, sampler: SamplerConfig, candidates: int, seed: int, budget: int | None = None
+) -> Provenance:
     """Return the provenance of the table that `simulate` makes of this object."""
     return Provenance(
         object_name=obj.name,
@@ -41,10 +43,13 @@ def provenance_of(obj: GraspObject, trials: Trials, sampler: SamplerConfig, cand
         episode=plain(trials.episode),
         candidates=candidates,
         seed=seed,
+        budget=budget,
     )
 
 
-def made_with(trials: Trials, sampler: SamplerConfig, candidates: int, seed: int) -> dict[str, Any]:
+def made_with(
+    trials: Trials, sampler: SamplerConfig, candidates: int, seed: int, budget: int | None = None
+) -> dict[str, Any]:
     """Return what all tables of one call share: provenance without the object, and versions of packages."""
     common = {
         "hand_digest": trials.hand.digest,
@@ -53,7 +58,7 @@ def made_with(trials: Trials, sampler: SamplerConfig, candidates: int, seed: int
         "candidates": candidates,
         "seed": seed,
     }
-    return {**common, "versions": versions()}
+    return {**common, **({} if budget is None else {"budget": budget}), "versions": versions()}
 
 
 def _settings_of(sampler: SamplerConfig, trials: Trials) -> dict[str, Any]:
@@ -86,7 +91,19 @@ class Poses:
     def grasp_type(self) -> Tensor:
         """(M,) int64, index into `grasp_types`."""
         types = len(self.grasp_types)
-        return torch.arange(types).repeat_interleave(len(self.position) // types)
+        return torch.arange(types).repeat_interleave(len(self) // types)
+
+    def __len__(self) -> int:
+        """How many candidates, of all types."""
+        return len(self.position)
+
+    def first(self, count: int) -> Poses:
+        """The first `count` candidates of each type."""
+        types = len(self.grasp_types)
+        position, quaternion = (
+            column.unflatten(0, (types, -1))[:, :count].flatten(0, 1) for column in (self.position, self.quaternion)
+        )
+        return Poses(position, quaternion, self.grasp_types)
 
 
 def sample(obj: GraspObject, provenance: Provenance, samplers: Mapping[str, str]) -> Poses:

@@ -13,10 +13,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.simulation.allotment import Geometry, allotted, free_candidates, open_hand, told
 from spgf_torch.simulation.execute import Poses, ended_table, sample
 from spgf_torch.simulation.executors import Executor, Task
 from spgf_torch.simulation.run_state import RunState
-from spgf_torch.simulation.table import Provenance, read_tables, table_path, write_table
+from spgf_torch.simulation.table import Provenance, read_table, read_tables, table_path, write_table
 from spgf_torch.simulation.worker import Case, ChunkResult, TrialFunction, Trials, error_line, physics
 
 
@@ -29,12 +30,14 @@ class Plan:
         chunk: candidates of a shard.
         failed_as: outcome of a trial that crashed or did not end; None: its object gets no table.
         make: makes the trial on an object; tests replace physics.
+        geometry: what of a trial geometry alone tells, for a budget; tests replace that, too.
     """
 
     trials: Trials
     chunk: int
     failed_as: str | None = None
     make: Callable[[GraspObject, Trials, str], TrialFunction] = physics
+    geometry: Callable[[GraspObject, Trials, str], Geometry] = open_hand
 
 
 @dataclass
@@ -57,6 +60,11 @@ class OpenObject:
     tried: int = 0
     reasons: dict[int, str] = field(default_factory=dict)
     unbuilt: str = ""
+
+    @property
+    def of_each_type(self) -> int:
+        """How many rows each grasp type has."""
+        return len(self.poses) // len(self.poses.grasp_types)
 
     def pose_checksum(self, first: int, count: int) -> int:
         """Return the checksum of the stored poses of rows first to first + count."""
@@ -85,26 +93,35 @@ class Generation:
     def _tasks(self, objects: Iterable[tuple[GraspObject, Provenance]]) -> Iterator[Task]:
         for obj, provenance in objects:
             try:
-                poses = sample(obj, provenance, self.plan.trials.samplers)
+                poses = self._candidates(obj, provenance)
             except Exception as error:  # a failure of one object must not stop the others
                 self._fail(provenance, f"no candidates: {error_line(error)}")
                 self.progress(self.run_state.rows(provenance))
                 continue
             it = OpenObject(obj, provenance, poses, [])
-            it.outcomes = self.run_state.known(provenance, it.pose_checksum)
-            chunks = list(_missing(it.outcomes, provenance.candidates, self.plan.chunk))
+            it.outcomes = self.run_state.known(provenance, it.pose_checksum, len(poses))
+            chunks = list(_missing(it.outcomes, it.of_each_type, self.plan.chunk))
             it.left = sum(end - first for first, end in chunks)
             it.tried = len(it.outcomes) - it.left
-            self.progress(it.tried)
+            self.progress(self.run_state.rows(provenance) - it.left)
             self._open[obj.name] = it
             for first, end in chunks:
                 if it.unbuilt:
                     break
-                grasp_type = poses.grasp_types[first // provenance.candidates]
+                grasp_type = poses.grasp_types[first // it.of_each_type]
                 case = Case.of(obj, self.plan.trials, grasp_type, self.plan.make)
                 yield Task((obj.name, first), case, poses.T_object_tcp(first, end))
             if not chunks:
                 self._close(it)
+
+    def _candidates(self, obj: GraspObject, provenance: Provenance) -> Poses:
+        """Sample what is tried on an object: all candidates, or those that its budget allots."""
+        poses = sample(obj, provenance, self.plan.trials.samplers)
+        if provenance.budget is None:
+            return poses
+        return poses.first(
+            allotted(free_candidates(obj, poses, self.plan.trials, self.plan.geometry), provenance.budget)
+        )
 
     def _take(self, it: OpenObject, first: int, ended: ChunkResult) -> None:
         """Persist the outcomes before reporting progress."""
@@ -138,8 +155,9 @@ class Generation:
             self._fail(it.provenance, f"{len(it.reasons)} trials without an outcome", it.tried, _failures(it))
             return
         ended = [word or str(self.plan.failed_as) for word in it.outcomes]
-        write_table(table_path(self.run_state.folder, it.obj.name), ended_table(it.provenance, it.poses, ended))
-        self.run_state.done(it.provenance)
+        table = ended_table(it.provenance, it.poses, ended)
+        write_table(table_path(self.run_state.folder, it.obj.name), table)
+        self.run_state.done(it.provenance, told(table))
 
     def _fail(self, provenance: Provenance, reason: str, trials: int = 0, failures: Sequence[dict] = ()) -> None:
         self.run_state.note(provenance, "failed", trials, reason, failures)
@@ -154,6 +172,12 @@ def finished(folder: Path, provenances: Sequence[Provenance], grasp_types: tuple
     for provenance in there:
         read_tables(folder, [provenance], grasp_types)
     return there
+
+
+def keep(run_state: RunState, provenance: Provenance) -> None:
+    """Note that an object has its table, from an earlier call."""
+    path = table_path(run_state.folder, provenance.object_name)
+    run_state.done(provenance, told(read_table(path)) if provenance.budget is not None else None)
 
 
 def _missing(outcomes: Sequence[str | None], candidates: int, chunk: int) -> Iterator[tuple[int, int]]:
@@ -172,5 +196,5 @@ def _missing(outcomes: Sequence[str | None], candidates: int, chunk: int) -> Ite
 
 def _failures(it: OpenObject) -> list[dict]:
     """Return the failures of an object as entries of the manifest."""
-    n, names = it.provenance.candidates, it.poses.grasp_types
+    n, names = it.of_each_type, it.poses.grasp_types
     return [{"type": names[row // n], "index": row, "reason": reason} for row, reason in sorted(it.reasons.items())]

@@ -15,7 +15,6 @@ import time
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -78,13 +77,15 @@ class RunState:
             finally:
                 self._tidy()
 
-    def known(self, provenance: Provenance, poses: Callable[[int, int], int]) -> list[str | None]:
-        """Read the shards of an object: the outcome of each row, None where there is none yet.
+    def known(
+        self, provenance: Provenance, poses: Callable[[int, int], int], rows: int | None = None
+    ) -> list[str | None]:
+        """Read the shards of an object: the outcome of each of its `rows`, None where there is none yet.
 
         `poses(first, count)` is the checksum of the poses of these rows. A shard of other poses, or a damaged one,
         is an incident and left out; one of other settings is refused.
         """
-        known: list[str | None] = [None] * self.rows(provenance)
+        known: list[str | None] = [None] * (self.rows(provenance) if rows is None else rows)
         for path in sorted(self._shards(provenance.object_name).glob("*.json")):
             content = _read_shard(path)
             if content is not None and content["origin"] != self._fingerprint(provenance):
@@ -127,15 +128,18 @@ class RunState:
         if time.monotonic() - self._written_at > EVERY:
             self.write_manifest()
 
-    def done(self, provenance: Provenance) -> None:
-        """Remove the shards of an object whose table is written."""
+    def done(self, provenance: Provenance, allotted: Mapping[str, Any] | None = None) -> None:
+        """Remove the shards of an object whose table is written; `allotted`: what a budget gave it (`allotment`)."""
         sync(self.folder)
         shutil.rmtree(self._shards(provenance.object_name), ignore_errors=True)
         failures = self.objects.get(provenance.object_name, {}).get("failures", [])
-        self.note(provenance, "done", self.rows(provenance), failures=failures)
+        rows = allotted["candidates"] * self.types if allotted else self.rows(provenance)
+        self.note(provenance, "done", rows, failures=failures)
+        if allotted:
+            self.objects[provenance.object_name]["allotted"] = dict(allotted)
 
     def rows(self, provenance: Provenance) -> int:
-        """Return the number of rows in the table of an object."""
+        """Return the number of rows in the table of an object; with a budget, the most that there may be."""
         return provenance.candidates * self.types
 
     @property
@@ -228,7 +232,7 @@ class RunState:
         return self.folder / SHARDS / object_name
 
     def _fingerprint(self, provenance: Provenance) -> str:
-        return fingerprint(asdict(provenance), self.made_with["versions"])
+        return fingerprint(provenance.plain, self.made_with["versions"])
 
 
 def _read_shard(path: Path) -> dict[str, Any] | None:

@@ -48,8 +48,9 @@ class Provenance:
         object_name, object_digest: the object (`GraspObject.digest`).
         hand_digest: the hand's URDF and settings (`Hand.digest`).
         sampler, episode: the settings as plain values.
-        candidates: of each grasp type.
+        candidates: of each grasp type; with a budget, the most of each.
         seed: of the whole set; the object's own stream follows from it and the name.
+        budget: trials that need physics, by which candidates were allotted (`allotment`); None: all were tried.
     """
 
     object_name: str
@@ -59,6 +60,12 @@ class Provenance:
     episode: dict[str, Any]
     candidates: int
     seed: int
+    budget: int | None = None
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """The fields by name, without a budget where there is none: such tables do not tell of it."""
+        return {key: value for key, value in asdict(self).items() if key != "budget" or value is not None}
 
 
 @dataclass(frozen=True)
@@ -118,7 +125,7 @@ def table_path(folder: Path, object_name: str) -> Path:
 
 def write_table(path: Path, table: TrialTable) -> None:
     """Write `table` with its seal, atomically."""
-    about = {"schema": SCHEMA, "origin": asdict(table.provenance), "versions": table.versions}
+    about = {"schema": SCHEMA, "origin": table.provenance.plain, "versions": table.versions}
     columns = columns_of(table) | (table.causes.columns() if table.causes else {})
     write_columns(path, columns, {KEY: json.dumps(about, sort_keys=True)})
 
@@ -179,12 +186,19 @@ def _decoded(path: Path, content: pa.Table) -> TrialTable:
         grasp_types=names,
         causes=Causes.read(path, content) if has_causes(provenance.episode) else None,
     )
-    rows, counts = table.provenance.candidates, torch.bincount(table.grasp_type, minlength=len(names)).tolist()
+    _check_counts(path, table)
+    check_poses(path, table.position, table.quaternion)
+    return table
+
+
+def _check_counts(path: Path, table: TrialTable) -> None:
+    """InputError unless each type has as many trials as the provenance says; with a budget, as others have, at most."""
+    most, names = table.provenance.candidates, table.grasp_types
+    counts = torch.bincount(table.grasp_type, minlength=len(names)).tolist()
+    rows = most if table.provenance.budget is None or not counts else min(counts[0], most)
     if set(counts) != {rows}:
         got = ", ".join(f"{count} of {name}" for name, count in zip(names, counts, strict=True)) or "none"
         raise InputError(f"{path}: expected {rows} trials of each grasp type, got {got:.200}")
-    check_poses(path, table.position, table.quaternion)
-    return table
 
 
 def check_poses(path: Path, position: Tensor, quaternion: Tensor) -> None:

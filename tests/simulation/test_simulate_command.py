@@ -21,7 +21,7 @@ from spgf_torch.settings import plain, typed
 from spgf_torch.simulation.config import SimulateConfig
 from spgf_torch.simulation.executors import InlineExecutor
 from spgf_torch.simulation.generation import Generation
-from spgf_torch.simulation.table import read_table
+from spgf_torch.simulation.table import OUTCOMES, read_table
 
 ROOT = Path(__file__).parents[2]
 
@@ -88,6 +88,35 @@ def test_the_fast_episode(place: Path) -> None:
     with pytest.raises(InputError, match=r"egg.parquet: expected trials made with episode.dt 0.002, got 0.005"):
         simulate.run(config(*whole), Path("run"))
     assert {path: path.read_bytes() for path in place.rglob("*") if path.is_file()} == before
+
+
+def test_a_budget(place: Path) -> None:
+    """Each object its own number of candidates, by the open SDH-2; what learns reads them, and knows the budget."""
+    from spgf_torch.experiment.labelled_grasps import tables_of
+    from spgf_torch.hands.hand import load_hand
+    from spgf_torch.objects.library import load_objects
+    from spgf_torch.simulation.worker import Trials
+
+    asked = config("objects=objects", "candidates=40", "budget=3", "out=table")
+    simulate.run(asked, Path("run"))
+    trials = Trials(load_hand(asked.hand), asked.episode)
+    tables = tables_of(load_objects(place / "objects"), str(place / "table"), trials, asked.sampler)
+    entries = json.loads((place / "table/manifest.json").read_text())["objects"]
+    for table in tables:
+        its = entries[table.object_name]["allotted"]
+        free = table.outcome != OUTCOMES.index("collision")
+        assert its["physics"] == {
+            "NPG": int(free[: its["candidates"]].sum()),
+            "WPG": int(free[its["candidates"] :].sum()),
+        }
+        assert 3 <= int(free.sum()) <= 4 and len(table) == 2 * its["candidates"] and table.provenance.budget == 3
+    assert len(tables[0]) < len(
+        tables[1]
+    )  # all wide grasps on an egg are free, of those on a bar of soap three quarters
+    settings = (place / "table/config.yaml").read_text()
+    (place / "table/config.yaml").write_text(settings.replace("budget: 3", "budget: few"))
+    with pytest.raises(InputError, match=r"config.yaml: expected"):
+        tables_of(load_objects(place / "objects"), str(place / "table"), trials, asked.sampler)
 
 
 def test_an_object_without_candidates(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
