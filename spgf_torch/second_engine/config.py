@@ -13,10 +13,7 @@ class MujocoConfig:
     """How MuJoCo makes contacts (docs/design/simulation.md); the episode itself is `simulation.config.EpisodeConfig`."""
 
     dt: float = bounded(1e-5, 0.02)
-    time_constant: float = bounded(2.0, 100.0)
+    time_constant: float = bounded(0.01, 100.0)
     damping_ratio: float = bounded(0.1, 100.0)
     impedance: float = bounded(0.01, 0.9999)
     impratio: float = bounded(0.1, 10_000.0)
-    noslip_iterations: int = bounded(0, 1000)
-    torsion: float = bounded(0.0, 0.1)
-    multiccd: bool = True

@@ -52,11 +52,9 @@ class ModelMaker:
     def _options(self) -> None:
         spec, config = self.spec, self.config
         spec.option.timestep, spec.option.gravity = config.dt, [0, 0, 0]
-        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-        spec.option.impratio, spec.option.noslip_iterations = config.impratio, config.noslip_iterations
-        if not config.multiccd:
-            spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
+        spec.option.impratio = config.impratio
         spec.compiler.boundmass = spec.compiler.boundinertia = LEAST
         spec.compiler.balanceinertia, spec.compiler.fusestatic = True, False
 
@@ -107,10 +105,9 @@ class ModelMaker:
 
     def _touch(self, geom: Any) -> None:
         config = self.config
-        geom.contype, geom.conaffinity = 1, 1
-        geom.condim = 4 if config.torsion else 3
-        geom.friction, geom.solref = [self.friction, config.torsion, 0.0], self._solref()
-        geom.solimp = [config.impedance, config.impedance, 0.001, 0.5, 2]
+        geom.contype, geom.conaffinity, geom.condim = 1, 1, 3
+        geom.friction, geom.solref = [self.friction, 0.0, 0.0], self._solref()
+        geom.solimp = [config.impedance, config.impedance, 0.001, 0.5, 2]  # the same at every depth
 
     def _solref(self) -> list[float]:
         return [self.config.time_constant * self.config.dt, self.config.damping_ratio]
