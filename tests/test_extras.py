@@ -19,6 +19,12 @@ CALLS = [
     ("report", [], "plotly", "index.html expected plotly (pip install 'spgf-torch[report]')"),
     ("export", ["format=[isaac,acronym]"], "h5py", "format: acronym expected h5py (pip install 'spgf-torch[export]')"),
     ("judge", [], "sklearn", "learning expected scikit-learn (pip install 'spgf-torch[judge]')"),
+    (
+        "evaluate",
+        ["objects=.", "engine=both"],
+        "mujoco",
+        "engine: both expected MuJoCo (pip install 'spgf-torch[mujoco]')",
+    ),
     ("train", ["judge=learn"], "sklearn", "judge: learn expected scikit-learn (pip install 'spgf-torch[judge]')"),
     ("train", ["ranking=judge"], "sklearn", "ranking: judge expected scikit-learn (pip install 'spgf-torch[judge]')"),
     (
@@ -93,6 +99,6 @@ def test_extras_bring_what_is_said_of_them() -> None:
         assert f"{package}>=" in extras[extra] or f"{package}-cpu>=" in extras[extra], known
         assert not any(required.startswith(package) for required in project["dependencies"]), known
     assert (
-        extras["all"] == "spgf-torch[export,report,judge,sweep,cluster,hands]"
+        extras["all"] == "spgf-torch[export,report,judge,sweep,cluster,hands,mujoco]"
         and "spgf-torch[all,docs]" in extras["dev"]
     )

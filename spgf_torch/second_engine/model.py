@@ -105,8 +105,8 @@ class ModelMaker:
 
     def _touch(self, geom: Any) -> None:
         config = self.config
-        geom.contype, geom.conaffinity, geom.condim = 1, 1, 3
-        geom.friction, geom.solref = [self.friction, 0.0, 0.0], self._solref()
+        geom.contype, geom.conaffinity, geom.condim = 1, 1, 4
+        geom.friction, geom.solref = [self.friction, self.friction * config.torsion, 0.0], self._solref()
         geom.solimp = [config.impedance, config.impedance, 0.001, 0.5, 2]  # the same at every depth
 
     def _solref(self) -> list[float]:

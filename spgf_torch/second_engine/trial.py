@@ -16,7 +16,6 @@ from spgf_torch.second_engine.config import MujocoConfig
 from spgf_torch.second_engine.model import OBJECT, ModelMaker, quaternion_of, rotation_of
 from spgf_torch.simulation.episode import CHECK_STEPS, DIRECTIONS
 from spgf_torch.simulation.fingers import Fingers
-from spgf_torch.simulation.precheck import PreCheck
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,19 +23,6 @@ if TYPE_CHECKING:
     from spgf_torch.hands.hand import Hand
     from spgf_torch.objects.grasp_object import GraspObject
     from spgf_torch.simulation.config import EpisodeConfig
-    from spgf_torch.simulation.worker import TrialFunction, Trials
-
-
-@dataclass(frozen=True)
-class MujocoPhysics:
-    """Makes the trial on an object: the same pre-check of collisions, then the episode in MuJoCo."""
-
-    config: MujocoConfig
-
-    def __call__(self, obj: GraspObject, trials: Trials, grasp_type: str) -> TrialFunction:
-        check = PreCheck(obj, trials.hand.preshapes[grasp_type])
-        simulator = MujocoSimulator(obj, trials.hand, grasp_type, trials.episode, self.config)
-        return lambda T: "collision" if check.collides(T) else simulator.run(T)
 
 
 class MujocoSimulator:

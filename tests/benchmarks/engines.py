@@ -16,6 +16,7 @@ import sys
 import time
 import zlib
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -36,20 +37,28 @@ from spgf_torch.simulation.episode import Simulator
 from spgf_torch.simulation.precheck import PreCheck
 from spgf_torch.simulation.worker import Trials
 
+Attempt = Callable[[np.ndarray], str]
 ASKED = {"hand": "sdh2", "objects": "20", "candidates": "60", "seed": "0"}
 PAIRS = (("sapien", "mujoco"), ("sapien fine", "mujoco fine"), ("sapien", "sapien fine"), ("mujoco", "mujoco fine"))
 
 
 def outcomes(obj: GraspObject, hand: Hand, kind: str, T: np.ndarray, config: MujocoConfig) -> dict[str, list[str]]:
     """Of each free candidate, in each engine and step."""
-    episode, obj_hand = settings(EpisodeConfig), (obj, hand)
-    fine = replace(episode, dt=episode.dt / 4)
-    finer = replace(config, dt=config.dt / 4)
+    episode = settings(EpisodeConfig)
+
+    def in_sapien(dt: float) -> Attempt:
+        simulator = Simulator(obj, hand, replace(episode, dt=dt))
+        return lambda pose: simulator.run(pose, kind)
+
+    def in_mujoco(share: float) -> Attempt:
+        finer = replace(config, dt=config.dt * share)
+        return MujocoSimulator(obj, hand, kind, replace(episode, dt=episode.dt * share), finer).run
+
     ways = {
-        "sapien": lambda: (lambda pose, its=Simulator(*obj_hand, episode): its.run(pose, kind)),
-        "sapien fine": lambda: (lambda pose, its=Simulator(*obj_hand, fine): its.run(pose, kind)),
-        "mujoco": lambda: MujocoSimulator(*obj_hand, kind, episode, config).run,
-        "mujoco fine": lambda: MujocoSimulator(*obj_hand, kind, episode, finer).run,
+        "sapien": lambda: in_sapien(episode.dt),
+        "sapien fine": lambda: in_sapien(episode.dt / 4),
+        "mujoco": lambda: in_mujoco(1),
+        "mujoco fine": lambda: in_mujoco(1 / 4),
     }
     found = {}
     for name, made in ways.items():
@@ -98,7 +107,9 @@ def told(found: dict[str, list[str]], names: list[tuple[str, str]]) -> None:
     print(f"where neither changes its mind: {share(int(agree[settled].sum()), int(settled.sum()))}")
     pairs = Counter(zip(found["sapien"], found["mujoco"], strict=True))
     for (a, b), count in sorted(pairs.items(), key=lambda item: -item[1]):
-        steady = sum(bool(s) for s, x, y in zip(settled, found["sapien"], found["mujoco"], strict=True) if (x, y) == (a, b))
+        steady = sum(
+            bool(s) for s, x, y in zip(settled, found["sapien"], found["mujoco"], strict=True) if (x, y) == (a, b)
+        )
         print(f"  {a} in SAPIEN, {b} in MuJoCo: {count}, of which {steady} at finer steps too")
     where = Counter(name for name, same in zip(names, agree, strict=True) if not same)
     print("  disagreements:", ", ".join(f"{obj} {kind} {count}" for (obj, kind), count in where.most_common(12)))

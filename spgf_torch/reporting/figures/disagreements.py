@@ -1,0 +1,83 @@
+"""Grasps that one engine holds and the other does not: the open hand on the object."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import matplotlib as mpl
+import numpy as np
+import trimesh
+from matplotlib.lines import Line2D
+
+from spgf_torch.drawing.page import drawn, png
+from spgf_torch.drawing.style import LETTERS, METHOD_COLOURS
+from spgf_torch.evaluation.engines import Compared
+from spgf_torch.hands.records import Gripper
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.reporting.figures.pieces import joined, mesh
+from spgf_torch.reporting.figures.scenes import ABOVE
+from spgf_torch.reporting.figures.sheet import Sheet
+from spgf_torch.second_engine.physics import MUJOCO, NAMES, SAPIEN
+from spgf_torch.simulation.table import OUTCOMES
+
+MOST = 9  # in the picture: three rows
+MOST_ON_PAGE = 24  # whose hands and meshes stay within a few MB
+COLOURS = {SAPIEN: METHOD_COLOURS[1], MUJOCO: METHOD_COLOURS[2]}  # of the hand, by who holds it
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """One grasp that one engine holds.
+
+    Attributes:
+        title: object, type and rank. ends: how it ends in each engine. holds: the engine that holds it.
+        mesh, hand: in the object's frame, m.
+    """
+
+    title: str
+    ends: str
+    holds: str
+    mesh: trimesh.Trimesh
+    hand: trimesh.Trimesh
+
+
+def shown_disagreements(
+    objects: Sequence[GraspObject], compared: Sequence[Compared], grippers: Mapping[str, Gripper]
+) -> list[Disagreement]:
+    """Up to `MOST_ON_PAGE`: those of the best CG grasps first, and of each object one before the next of any.
+
+    grippers: grasp type -> the open hand; the codes of grasps count the types sorted by name.
+    """
+    types, found = sorted(grippers), []
+    for index, its in enumerate(compared):
+        for turn, place in enumerate(its.disagreements()):
+            found.append(((its.rank(place) is None, turn, index), index, place))
+    return [
+        _disagreement(objects[index], compared[index], place, grippers[types[compared[index].grasp_type[place]]])
+        for _, index, place in sorted(found)[:MOST_ON_PAGE]
+    ]
+
+
+def _disagreement(obj: GraspObject, its: Compared, place: int, gripper: Gripper) -> Disagreement:
+    rank = its.rank(place)
+    words = f"rank {rank}" if rank else "random" if place in its.random else "best of its type"
+    ends = ", ".join(f"{NAMES[engine]}: {OUTCOMES[codes[place]]}" for engine, codes in its.outcomes.items())
+    hand: trimesh.Trimesh = trimesh.util.concatenate(list(gripper.shapes)).copy()  # type: ignore[assignment]
+    hand.apply_transform(its.T_object_tcp[place])
+    holds = SAPIEN if its.held[SAPIEN][place] else MUJOCO
+    return Disagreement(f"{obj.name.replace('_', ' ')}, {gripper.type}, {words}", ends, holds, obj.mesh, hand)
+
+
+def disagreements_picture(shown: Sequence[Disagreement]) -> bytes:
+    """A PNG of the first of them, the hand in the colour of the engine that holds the grasp."""
+    shown = shown[:MOST]
+    sheet = Sheet.of(len(shown), min(3, len(shown)), panel=(3.0, 3.1), foot=0.52, below=0.2)
+    for i, its in enumerate(shown):
+        sheet.title(i, its.title)
+        sheet.paint(i, joined([mesh(its.mesh, ABOVE), mesh(its.hand, ABOVE, COLOURS[its.holds])]), ABOVE)
+        sheet.text(sheet.corner(i) + np.array([sheet.panel[0] / 2, 0.18]), its.ends, size=8)
+    with mpl.rc_context(LETTERS):
+        lines = [Line2D([], [], color=colour, linewidth=4, label=NAMES[name]) for name, colour in COLOURS.items()]
+        sheet.figure.legend(handles=lines, loc="lower center", ncols=2, title="held only in")
+    return png(drawn(sheet.figure))
