@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from spgf_torch.settings import bounded, defaults_from
 
 
-@dataclass(frozen=True)
+@dataclass
 @defaults_from("second_engine/mujoco.yaml")
 class MujocoConfig:
     """How MuJoCo makes contacts (docs/design/simulation.md); the episode is `simulation.config.EpisodeConfig`'s."""
