@@ -126,6 +126,7 @@ def test_disagreements_are_shown_with_the_hand_on_the_object(compared: list[Comp
     assert shown[1].ends == "SAPIEN: slipped, MuJoCo: success"
     parts = np.concatenate([shape.vertices for shape in GRIPPERS["WPG"].shapes])
     np.testing.assert_allclose(shown[1].hand.bounds[1], parts.max(axis=0) + np.array([0.03, 0, 0]), atol=1e-7)
+    assert shown[0].view == (90.0, 0.0)  # along y of the TCP
     with Image.open(io.BytesIO(disagreements_picture(shown))) as picture:
         colours = {tuple(pixel) for pixel in np.asarray(picture.resize((300, 180))).reshape(-1, 3).tolist()}
     assert any(b > r + 60 for r, _, b in colours) and any(r > b + 100 for r, _, b in colours)  # blue, and vermilion

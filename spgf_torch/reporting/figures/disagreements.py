@@ -15,8 +15,7 @@ from spgf_torch.drawing.style import LETTERS, METHOD_COLOURS
 from spgf_torch.evaluation.engines import Compared
 from spgf_torch.hands.records import Gripper
 from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.reporting.figures.pieces import joined, mesh
-from spgf_torch.reporting.figures.scenes import ABOVE
+from spgf_torch.reporting.figures.pieces import View, joined, mesh
 from spgf_torch.reporting.figures.sheet import Sheet
 from spgf_torch.second_engine.physics import MUJOCO, NAMES, SAPIEN
 from spgf_torch.simulation.table import OUTCOMES
@@ -32,7 +31,7 @@ class Disagreement:
 
     Attributes:
         title: object, type and rank. ends: how it ends in each engine. holds: the engine that holds it.
-        mesh, hand: in the object's frame, m.
+        mesh, hand: in the object's frame, m. view: azimuth and elevation, deg: both fingers are seen beside each other.
     """
 
     title: str
@@ -40,6 +39,7 @@ class Disagreement:
     holds: str
     mesh: trimesh.Trimesh
     hand: trimesh.Trimesh
+    view: View
 
 
 def shown_disagreements(
@@ -64,9 +64,18 @@ def _disagreement(obj: GraspObject, its: Compared, place: int, gripper: Gripper)
     words = f"rank {rank}" if rank else "random" if place in its.random else "best of its type"
     ends = ", ".join(f"{NAMES[engine]}: {OUTCOMES[codes[place]]}" for engine, codes in its.outcomes.items())
     hand: trimesh.Trimesh = trimesh.util.concatenate(list(gripper.shapes)).copy()  # type: ignore[assignment]
-    hand.apply_transform(its.T_object_tcp[place])
+    T = its.T_object_tcp[place]
+    hand.apply_transform(T)
     holds = SAPIEN if its.held[SAPIEN][place] else MUJOCO
-    return Disagreement(f"{obj.name.replace('_', ' ')}, {gripper.type}, {words}", ends, holds, obj.mesh, hand)
+    return Disagreement(
+        f"{obj.name.replace('_', ' ')}, {gripper.type}, {words}", ends, holds, obj.mesh, hand, _across(T)
+    )
+
+
+def _across(T: np.ndarray) -> View:
+    """Across closing and approach, from the upper side."""
+    x, y, z = T[:3, 1] if T[2, 1] >= 0 else -T[:3, 1]
+    return float(np.degrees(np.arctan2(y, x))), float(np.degrees(np.arcsin(min(z, 1.0))))
 
 
 def disagreements_picture(shown: Sequence[Disagreement]) -> bytes:
@@ -75,7 +84,8 @@ def disagreements_picture(shown: Sequence[Disagreement]) -> bytes:
     sheet = Sheet.of(len(shown), min(3, len(shown)), panel=(3.0, 3.1), foot=0.52, below=0.2)
     for i, its in enumerate(shown):
         sheet.title(i, its.title)
-        sheet.paint(i, joined([mesh(its.mesh, ABOVE), mesh(its.hand, ABOVE, COLOURS[its.holds])]), ABOVE)
+        parts = [mesh(its.mesh, its.view), mesh(its.hand, its.view, COLOURS[its.holds])]
+        sheet.paint(i, joined(parts), its.view)
         sheet.text(sheet.corner(i) + np.array([sheet.panel[0] / 2, 0.18]), its.ends, size=8)
     with mpl.rc_context(LETTERS):
         lines = [Line2D([], [], color=colour, linewidth=4, label=NAMES[name]) for name, colour in COLOURS.items()]
