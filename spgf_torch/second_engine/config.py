@@ -8,7 +8,7 @@ from spgf_torch.settings import bounded, defaults_from
 
 
 @dataclass
-@defaults_from("second_engine/mujoco.yaml")
+@defaults_from("mujoco/contacts.yaml")
 class MujocoConfig:
     """How MuJoCo makes contacts (docs/design/simulation.md); the episode is `simulation.config.EpisodeConfig`'s."""
 

@@ -3,7 +3,7 @@
     python tests/benchmarks/engines.py [hand=panda] [objects=20] [candidates=60] [seed=0] [dt=0.001 ...]
 
 Free candidates of objects of data/objects, `candidates` of each type drawn, executed in both engines as evaluate
-engine=both does, and in both at a quarter of their step. What is asked more is a key of conf/second_engine/mujoco.yaml.
+engine=both does, and in both at a quarter of their step. What is asked more is a key of conf/mujoco/contacts.yaml.
 """
 
 from __future__ import annotations
