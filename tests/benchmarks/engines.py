@@ -82,7 +82,7 @@ def main(arguments: dict[str, str]) -> None:
     description = yaml.safe_load((root() / f"conf/hand/{asked['hand']}.yaml").read_text())
     hand = load_hand(typed(HandConfig, {k: v for k, v in description.items() if k != "defaults"}))
     found: dict[str, list[str]] = {}
-    names: list[tuple[str, str]] = []
+    names: list[str] = []
     samplers = Trials(hand, settings(EpisodeConfig)).samplers
     for obj in objects()[: int(asked["objects"])]:
         for kind, sampler in samplers.items():
@@ -92,11 +92,11 @@ def main(arguments: dict[str, str]) -> None:
             free = T[[not check.collides(pose) for pose in T]]
             for way, words in outcomes(obj, hand, kind, free, config).items():
                 found.setdefault(way, []).extend(words)
-            names += [(obj.name, kind)] * len(free)
+            names += [f"{obj.name} {kind}, {1000 * lever(obj, pose):.0f} mm" for pose in free]
     told(found, names)
 
 
-def told(found: dict[str, list[str]], names: list[tuple[str, str]]) -> None:
+def told(found: dict[str, list[str]], names: list[str]) -> None:
     held = {way: np.array(words) == "success" for way, words in found.items()}
     for way, its in held.items():
         print(f"{way}: {share(int(its.sum()), len(its))} held, {SECONDS[way]:.1f} s of processor")
@@ -111,8 +111,16 @@ def told(found: dict[str, list[str]], names: list[tuple[str, str]]) -> None:
             bool(s) for s, x, y in zip(settled, found["sapien"], found["mujoco"], strict=True) if (x, y) == (a, b)
         )
         print(f"  {a} in SAPIEN, {b} in MuJoCo: {count}, of which {steady} at finer steps too")
-    where = Counter(name for name, same in zip(names, agree, strict=True) if not same)
-    print("  disagreements:", ", ".join(f"{obj} {kind} {count}" for (obj, kind), count in where.most_common(12)))
+    print("  disagreements, with the distance of the centre of mass from the closing axis through the TCP:")
+    for name, a, b, same in zip(names, found["sapien"], found["mujoco"], agree, strict=True):
+        if not same:
+            print(f"    {name}: {a} / {b}")
+
+
+def lever(obj: GraspObject, T: np.ndarray) -> float:
+    """m."""
+    away = obj.com - T[:3, 3]
+    return float(np.linalg.norm(away - T[:3, 0] * (away @ T[:3, 0])))
 
 
 if __name__ == "__main__":
