@@ -37,28 +37,20 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.affordance.model import check_device
-    from spgf_torch.cache import Cache
     from spgf_torch.evaluation.executed import executed_results
     from spgf_torch.evaluation.files import write_json
-    from spgf_torch.evaluation.tables import executed_table, scans_table
+    from spgf_torch.evaluation.tables import executed_table
     from spgf_torch.experiment.execution import execute_best
     from spgf_torch.files.writing import write_bytes
     from spgf_torch.hands.hand import load_hand
     from spgf_torch.hands.records import grippers_of
-    from spgf_torch.objects.folders import read_objects
     from spgf_torch.reporting.figures.failures import failures_picture
     from spgf_torch.simulation.execute import Trials
 
     check_device(config.device)
     stages = ProgressReporter()
     meets = None if config.model == NONE else models(config)
-    found = read_objects(config, ProgressReporter(), Cache.open(config.cache, config.cache_gb))
-    for note in found.notes:
-        show(note)
-    if found.scans:
-        show(scans_table(found.scans))
-
-    objects, start = found.objects, time.perf_counter()
+    objects, start = _objects(config), time.perf_counter()
     judge = _judge(config)
     known = _known(objects, meets(objects[0]).model if meets else None, judge, config)
     for line in (doubts := known_lines(known, judge, len(objects))):
@@ -85,6 +77,20 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     pictured = "failures.png shows the CG grasps that failed" if failures else "no CG grasp failed: no picture"
     for content in (*told, f"results and settings in {folder}; {pictured}"):
         show(content)
+
+
+def _objects(config: EvaluateConfig) -> Sequence[GraspObject]:
+    """What lies in the folder; lines and a table tell what it was taken for."""
+    from spgf_torch.cache import Cache
+    from spgf_torch.evaluation.tables import scans_table
+    from spgf_torch.objects.folders import read_objects
+
+    found = read_objects(config, ProgressReporter(), Cache.open(config.cache, config.cache_gb))
+    for note in found.notes:
+        show(note)
+    if found.scans:
+        show(scans_table(found.scans))
+    return found.objects
 
 
 def _both_engines(

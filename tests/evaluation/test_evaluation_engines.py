@@ -121,7 +121,7 @@ def test_every_executed_grasp_is_a_row(compared: list[Compared]) -> None:
 def test_disagreements_are_shown_with_the_hand_on_the_object(compared: list[Compared]) -> None:
     """The egg's first-ranked and the box's third: both are the first of their object's, in the order of objects."""
     shown = shown_disagreements(OBJECTS, compared, GRIPPERS)
-    assert [its.title for its in shown] == ["one box, NPG, rank 3", "egg, WPG, rank 1"]
+    assert [(its.name, its.grasp) for its in shown] == [("one box", "NPG, rank 3"), ("egg", "WPG, rank 1")]
     assert [its.holds for its in shown] == ["sapien", "mujoco"]
     assert shown[1].ends == "SAPIEN: slipped, MuJoCo: success"
     parts = np.concatenate([shape.vertices for shape in GRIPPERS["WPG"].shapes])

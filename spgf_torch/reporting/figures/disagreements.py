@@ -30,11 +30,12 @@ class Disagreement:
     """One grasp that one engine holds.
 
     Attributes:
-        title: object, type and rank. ends: how it ends in each engine. holds: the engine that holds it.
+        name: of the object. grasp: type and rank. ends: how it ends in each engine. holds: the engine that holds it.
         mesh, hand: in the object's frame, m. view: azimuth and elevation, deg: both fingers are seen beside each other.
     """
 
-    title: str
+    name: str
+    grasp: str
     ends: str
     holds: str
     mesh: trimesh.Trimesh
@@ -67,9 +68,8 @@ def _disagreement(obj: GraspObject, its: Compared, place: int, gripper: Gripper)
     T = its.T_object_tcp[place]
     hand.apply_transform(T)
     holds = SAPIEN if its.held[SAPIEN][place] else MUJOCO
-    return Disagreement(
-        f"{obj.name.replace('_', ' ')}, {gripper.type}, {words}", ends, holds, obj.mesh, hand, _across(T)
-    )
+    name = obj.name.replace("_", " ")
+    return Disagreement(name, f"{gripper.type}, {words}", ends, holds, obj.mesh, hand, _across(T))
 
 
 def _across(T: np.ndarray) -> View:
@@ -81,12 +81,13 @@ def _across(T: np.ndarray) -> View:
 def disagreements_picture(shown: Sequence[Disagreement]) -> bytes:
     """A PNG of the first of them, the hand in the colour of the engine that holds the grasp."""
     shown = shown[:MOST]
-    sheet = Sheet.of(len(shown), min(3, len(shown)), panel=(3.0, 3.1), foot=0.52, below=0.2)
+    sheet = Sheet.of(len(shown), min(3, len(shown)), panel=(3.0, 3.1), foot=0.52, below=0.36)
     for i, its in enumerate(shown):
-        sheet.title(i, its.title)
+        sheet.title(i, its.name)
         parts = [mesh(its.mesh, its.view), mesh(its.hand, its.view, COLOURS[its.holds])]
         sheet.paint(i, joined(parts), its.view)
-        sheet.text(sheet.corner(i) + np.array([sheet.panel[0] / 2, 0.18]), its.ends, size=8)
+        for line, height in ((its.grasp, 0.34), (its.ends, 0.19)):
+            sheet.text(sheet.corner(i) + np.array([sheet.panel[0] / 2, height]), line, size=8)
     with mpl.rc_context(LETTERS):
         lines = [Line2D([], [], color=colour, linewidth=4, label=NAMES[name]) for name, colour in COLOURS.items()]
         sheet.figure.legend(handles=lines, loc="lower center", ncols=2, title="held only in")

@@ -54,7 +54,7 @@ def _outcomes(found: Mapping[str, Any]) -> str:
 def _disagreements(shown: Sequence[Disagreement]) -> str:
     if not shown:
         return caption("None.")
-    names = tuple(f"{its.title}: {its.ends}" for its in shown)
+    names = tuple(f"{its.name}, {its.grasp}: {its.ends}" for its in shown)
     traces = tuple(
         [solid_trace(its.mesh), solid_trace(its.hand, COLOURS[its.holds], f"held only in {NAMES[its.holds]}")]
         for its in shown
