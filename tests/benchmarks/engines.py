@@ -52,7 +52,7 @@ def outcomes(obj: GraspObject, hand: Hand, kind: str, T: np.ndarray, config: Muj
 
     def in_mujoco(share: float) -> Attempt:
         finer = replace(config, dt=config.dt * share)
-        return MujocoSimulator(obj, hand, kind, replace(episode, dt=episode.dt * share), finer).run
+        return MujocoSimulator(obj, hand, kind, episode, finer).run
 
     ways = {
         "sapien": lambda: in_sapien(episode.dt),
