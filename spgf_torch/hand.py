@@ -8,9 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from spgf_torch.cli.command import run_command
+from spgf_torch.cli.command import run_command, write_settings
 from spgf_torch.errors import InputError
-from spgf_torch.extras import needed
+from spgf_torch.extras import installed, remedy
 from spgf_torch.handcheck.config import HandCheckConfig
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.progress import ProgressReporter, show
@@ -27,9 +27,6 @@ def run(config: HandCheckConfig, folder: Path) -> None:
 
     Raises InputError for a hand that cannot be loaded, and, once all is written, for the first check that fails.
     """
-    if config.page:
-        needed("page=true", "plotly")
-
     from spgf_torch.handcheck.check import check_hand
     from spgf_torch.handcheck.finding import failed, refuse, table
     from spgf_torch.hands.hand import load_hand
@@ -37,6 +34,7 @@ def run(config: HandCheckConfig, folder: Path) -> None:
     stages = ProgressReporter()
     if config.urdf is not None:
         config.hand = _proposed(config, config.urdf, folder, stages)
+        write_settings(folder, config)
     with stages.stage("geometry", 1, "hands") as advance:
         hand = load_hand(config.hand)
         findings = check_hand(hand)
@@ -48,10 +46,12 @@ def run(config: HandCheckConfig, folder: Path) -> None:
             findings = [*findings, *simulated_findings(hand, config.episode, advance)]
     for note in hand.robot.notes:
         show(f"{hand.urdf}: {note}")
-    _draw(hand, findings, folder, config.page)
+    _draw(hand, findings, folder, config.page and installed("plotly"))
+    if config.page and not installed("plotly"):
+        show(f"no page without {remedy('plotly')}")
     show(table(findings))
     show(f"{len(findings) - len(failed(findings))} of {len(findings)} checks passed; pictures in {folder}")
-    refuse(hand.config.name, findings)
+    refuse(hand.config.name, findings, "the table has all")
 
 
 def _proposed(config: HandCheckConfig, urdf: str, folder: Path, stages: ProgressReporter) -> HandConfig:

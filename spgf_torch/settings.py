@@ -18,7 +18,7 @@ from difflib import get_close_matches
 from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar, get_origin, get_type_hints
 
 from omegaconf import MISSING, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
@@ -103,6 +103,7 @@ def typed(kind: type[T], values: Any) -> T:
     try:
         _check_literal(values, "")
         given = _named(_plain(values))
+        _check_mappings(kind, given, "")
         merged = OmegaConf.merge(OmegaConf.structured(kind), OmegaConf.create(given))
         _given(kind, given, "")
         result = OmegaConf.to_object(merged)
@@ -131,6 +132,17 @@ def _python(value: Any) -> Any:
 
 def _plain(values: Any) -> Any:
     return OmegaConf.to_container(values, resolve=True) if OmegaConf.is_config(values) else values
+
+
+def _check_mappings(kind: Any, values: Any, prefix: str) -> None:
+    """InputError for a list where a dataclass has keys and values, at any depth: OmegaConf would not name it."""
+    types = get_type_hints(kind)
+    for entry in fields(kind):
+        of, value = types[entry.name], values.get(entry.name) if isinstance(values, dict) else None
+        if isinstance(value, list) and (get_origin(of) is dict or is_dataclass(of)):
+            raise InputError(f"{prefix}{entry.name}: expected keys and values, got a list")
+        if is_dataclass(of):
+            _check_mappings(of, value, f"{prefix}{entry.name}.")
 
 
 def _named(value: Any) -> Any:

@@ -18,6 +18,7 @@ from spgf_torch.cli.command_line import translated
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
 from spgf_torch.formats.config import ExportConfig
+from spgf_torch.handcheck.config import HandCheckConfig
 from spgf_torch.reporting.config import ReportConfig
 from spgf_torch.scene.config import PredictConfig
 from spgf_torch.simulation.config import SimulateConfig
@@ -31,6 +32,7 @@ KINDS = {
     "export": ExportConfig,
     "report": ReportConfig,
     "baseline": BaselineConfig,
+    "hand": HandCheckConfig,
 }
 NAMES = [
     "cloud (1).pcd",
@@ -141,7 +143,7 @@ def test_every_path_setting_of_every_command(command: str) -> None:
         "simulate": ["objects", "out"],
         "report": ["runs"],
     }
-    paths |= {"export": ["objects", "trials", "out"], "baseline": ["export", "checkpoints"]}
+    paths |= {"export": ["objects", "trials", "out"], "baseline": ["export", "checkpoints"], "hand": ["urdf"]}
     needed = {"predict": ["input=x"], "evaluate": ["objects=x"]}.get(command, [])
     for key in paths[command]:
         given = [argument for argument in needed if not argument.startswith(key)]
@@ -166,7 +168,10 @@ def test_hydras_own_forms_go_on_working() -> None:
     assert config("predict", "input=x", "viewpoints=[0,0,0]").viewpoints == [0, 0, 0]
     assert config("predict", "input=x", "viewpoints=[[0,0,1],[1,0,0]]", "++seed=3").seed == 3
     assert config("export", "format=[acronym,isaac]").format == ["acronym", "isaac"]
-    assert config("train", "+ablation=noise_none", "features.radius=0.02", "hand.openings.NPG=0.05").features.radius
+    assert config(
+        "train", "+ablation=noise_none", "features.radius=0.02", "hand.preshapes.NPG.opening=0.05"
+    ).features.radius
+    assert config("train", "hand.joints.new_joint.effort=3", "~hand.preshapes.NPG").hand.joints["new_joint"].effort == 3
     assert config("report", "objects=2").objects == 2
     run = "outputs/train/2026-11-29_07-50-04.000000_K=20"
     assert config("train", f"prototypes_from={run}").prototypes_from == run

@@ -56,7 +56,8 @@ ROOMS = (
 def test_every_rooms_defaults_load(kind: Any) -> None:
     loaded = settings(kind)
     written = OmegaConf.load(CONF / kind.DEFAULTS)
-    assert {f.name for f in fields(kind)} == set(written)  # the YAML names every key, and no other
+    named = {entry.name for entry in fields(kind)}  # the YAML has every key, and no other; a hand what it needs
+    assert set(written) < named if kind is HandConfig else set(written) == named
     assert typed(kind, plain(loaded)) == loaded
 
 

@@ -90,13 +90,13 @@ def _override(command: str, word: str, known: dict[str, Any], sweep: bool) -> st
     prefix = key[: len(key) - len(key.lstrip("+~"))]
     name = key[len(prefix) :]
     if not equals:
-        if prefix == "~" and name in known:
+        if prefix == "~" and (name in known or _in_mapping(name, known)):
             return word
         raise InputError(f"{word}: expected a setting as key=value, {_example(command, word)}; got no key")
     if ALIASES.get(name) in known:
         name = ALIASES[name]
-    inside = _check_key(command, name, known)
-    prefix = "++" if inside and not prefix else prefix  # a mapping of any keys: new ones, too
+    _check_key(command, name, known)
+    prefix = "++" if not prefix and name not in known and _in_mapping(name, known) else prefix  # new keys, too
     if name == GROUP and prefix != "~" and is_file_name(value):
         name, value = _hand(command, value, sweep)
     if name in PATHS and known.get(name) is not int and prefix != "~":
@@ -134,16 +134,19 @@ def _settings(kind: type, prefix: str) -> Iterator[tuple[str, Any]]:
             yield from _settings(inner, f"{prefix}{entry.name}.")
 
 
-def _check_key(command: str, name: str, known: dict[str, Any]) -> bool:
-    """Whether a key is within a mapping of any keys.
+def _in_mapping(name: str, known: dict[str, Any]) -> bool:
+    """Whether a key is within a mapping of any keys, such as the joints of a hand."""
+    outer = [name[: dot.start()] for dot in re.finditer(r"\.", name)]
+    return any(place in known and not is_dataclass(known[place]) for place in outer)
 
-    Raises InputError for one that the command has not; groups of conf/ and Hydra's own are keys as well.
-    """
+
+def _check_key(command: str, name: str, known: dict[str, Any]) -> None:
+    """InputError for a key that the command has not; groups of conf/ and Hydra's own are keys as well."""
     bare = re.split("[@:]", name)[0]
-    outer = [bare[: dot.start()] for dot in re.finditer(r"\.", bare)]
-    inside = any(place in known and not is_dataclass(known[place]) for place in outer)  # a mapping of any keys
-    if bare in known or inside or re.match(r"hydra[./]|hydra$", bare) or (bare and (root() / "conf" / bare).is_dir()):
-        return inside and bare not in known
+    if bare in known or _in_mapping(bare, known) or re.match(r"hydra[./]|hydra$", bare):
+        return
+    if bare and (root() / "conf" / bare).is_dir():
+        return
     hint = ELSEWHERE.get(bare) or _meant(bare, known)
     words = f"{bare}: expected a setting of {command}" if bare else "=: expected a key before it"
     raise InputError(f"{words} (see --help), got an unknown key{f'; {hint}' if hint else ''}")

@@ -38,11 +38,11 @@ def failed(findings: Iterable[Finding]) -> list[Finding]:
     return [finding for finding in findings if not finding.ok]
 
 
-def refuse(name: str, findings: Sequence[Finding]) -> None:
-    """InputError with the first check that is not kept, in one line, and how many more there are."""
+def refuse(name: str, findings: Sequence[Finding], where: str = "python -m spgf_torch.hand shows all") -> None:
+    """InputError with the first check that is not kept, in one line, how many more there are, and where they stand."""
     wrong = failed(findings)
     if wrong:
-        more = f"; {len(wrong) - 1} more: python -m spgf_torch.hand shows all" if len(wrong) > 1 else ""
+        more = f"; {len(wrong) - 1} more, {where}" if len(wrong) > 1 else ""
         raise InputError(f"hand {name}: {wrong[0].line()}{more}")
 
 

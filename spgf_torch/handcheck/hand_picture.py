@@ -20,7 +20,7 @@ from spgf_torch.handcheck.posed import Posed
 PANEL = 3.4  # inches
 FRONT, SIDE = (-78.0, 14.0), (-12.0, 14.0)  # azimuth and elevation, deg, in the TCP frame: closing lies across
 PANELS = (("open", 0, FRONT), ("closed", 1, FRONT), ("open, from the side", 0, SIDE))
-FINEST = 0.006  # m of an edge that is sorted by depth as a whole: coarser, a long palm hides what stands before it
+FINEST = 0.01  # m of an edge that is sorted by depth as a whole: coarser, a long palm hides what stands before it
 DARKEST = 0.5  # brightness of a face that looks away from the lamp
 
 

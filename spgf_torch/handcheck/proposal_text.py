@@ -10,9 +10,10 @@ import yaml
 from spgf_torch.handcheck.proposal import Proposal
 from spgf_torch.hands.config import HandConfig
 
+MARK = "#"  # of a comment in YAML
 HEAD = (
-    "# Proposed by python -m spgf_torch.hand from the URDF alone; look at the picture. Lines with `# ?` say what the",
-    "# URDF does not tell. Keys: docs/howto/hand.md.",
+    f"{MARK} Proposed by python -m spgf_torch.hand from the URDF alone; look at the picture.",
+    f"{MARK} Lines with `{MARK} ?` say what the URDF does not tell. Keys: docs/howto/hand.md.",
 )
 
 WIDTH = 120  # characters of a line
@@ -41,9 +42,9 @@ def _lines(proposal: Proposal) -> Iterator[str]:
         yield f"packages: {_flow(config.packages)}"
     if config.root is not None:
         yield f"root: {_flow(config.root)}"
-    yield f"approach: {_flow(config.approach)}  # out of the palm, in the frame of root"
+    yield f"approach: {_flow(config.approach)}  {MARK} out of the palm, in the frame of root"
     yield from _doubts(doubts, "approach")
-    yield "fingers:  # links that count as touching; the first carries the pad"
+    yield f"fingers:  {MARK} links that count as touching; the first carries the pad"
     for name, links in config.fingers.items():
         yield f"  {_flow(name)}: {_flow(links)}"
     yield from _doubts(doubts, "fingers", "  ")
@@ -52,7 +53,7 @@ def _lines(proposal: Proposal) -> Iterator[str]:
     yield from _closing(config)
     yield from _doubts(doubts, "closing", "  ")
     if proposal.error:
-        yield f"# ? this does not load yet: {proposal.error}"
+        yield f"{MARK} ? this does not load yet: {proposal.error}"
 
 
 def _preshapes(proposal: Proposal) -> Iterator[str]:
@@ -73,11 +74,11 @@ def _preshapes(proposal: Proposal) -> Iterator[str]:
 
 def _entry(key: str, value: Any, words: str, indent: str) -> Iterator[str]:
     """A key on one line where there is room, else an entry a line."""
-    line = f"{indent}{key}: {_flow(value)}  # {words}"
+    line = f"{indent}{key}: {_flow(value)}  {MARK} {words}"
     if len(line) <= WIDTH or not isinstance(value, dict):
         yield line
         return
-    yield f"{indent}{key}:  # {words}"
+    yield f"{indent}{key}:  {MARK} {words}"
     yield from (f"{indent}  {_flow(name)}: {_flow(part)}" for name, part in value.items())
 
 
@@ -85,13 +86,13 @@ def _closing(config: HandConfig) -> Iterator[str]:
     told = {"effort": "Nm, or N of joints that slide", "speed": "rad/s or m/s of the targets", "time": "s at most"}
     values = {key: getattr(config.closing, key) for key in told}
     if any(value is not None for value in values.values()):
-        yield "closing:  # from the URDF's efforts and velocities, 50 N at a pad and 0.8 s for the stroke at most"
+        yield f"closing:  {MARK} from the URDF's efforts and velocities, 50 N at a pad and 0.8 s for the stroke at most"
         for key, value in values.items():
-            yield f"  {key}: {_flow(value)}  # {told[key]}"
+            yield f"  {key}: {_flow(value)}  {MARK} {told[key]}"
 
 
 def _doubts(doubts: dict[str, list[str]], key: str, indent: str = "") -> Iterator[str]:
-    yield from (f"{indent}# ? {words}" for words in doubts.get(key, []))
+    yield from (f"{indent}{MARK} ? {words}" for words in doubts.get(key, []))
 
 
 def _flow(value: Any) -> str:

@@ -64,7 +64,7 @@ def load_hand(config: HandConfig) -> Hand:
     Raises InputError for a missing or unreadable URDF, a link or joint that it lacks, a value out of reach.
     """
     robot, settings = read_robot(config), json.dumps(plain(config), sort_keys=True)
-    key = (robot.digest, str(robot.path), settings)
+    key = (robot.digest + _mimics(robot), str(robot.path), settings)
     if key not in _HANDS:
         if len(_HANDS) >= MOST_HANDS:
             _HANDS.pop(next(iter(_HANDS)))
@@ -72,6 +72,7 @@ def load_hand(config: HandConfig) -> Hand:
     return _HANDS[key]
 
 
+MOST_FINGERS, MOST_TYPES = 20, 50
 MOST_HANDS = 16  # kept of those that were loaded
 _HANDS: dict[tuple[str, str, str], Hand] = {}
 
@@ -95,12 +96,22 @@ def _hand(robot: Robot, config: HandConfig) -> Hand:
         for name, each in zip(grasp_types(config), opened, strict=True)
     }
     told = {key: value for key, value in plain(config).items() if key not in ("urdf", "packages")}
-    digest = hashlib.sha256((robot.digest + json.dumps(told, sort_keys=True)).encode()).hexdigest()
-    return Hand(config, robot, preshapes, digest)
+    followed = any(set(preshapes[name].closing.follow) - set(config.preshapes[name].parallel) for name in preshapes)
+    content = robot.digest + json.dumps(told, sort_keys=True) + (_mimics(robot) if followed else "")
+    return Hand(config, robot, preshapes, hashlib.sha256(content.encode()).hexdigest())
+
+
+def _mimics(robot: Robot) -> str:
+    """The rules of a URDF's `<mimic>` joints, which its XML for SAPIEN leaves out."""
+    rules = {j.name: [j.mimic.of, j.mimic.ratio, j.mimic.offset] for j in robot.joints if j.mimic is not None}
+    return json.dumps(rules, sort_keys=True)
 
 
 def _with_known_names(robot: Robot, config: HandConfig) -> HandConfig:
     """The same with each finger a list of links. Raises InputError for links and joints that the URDF has not."""
+    if len(config.fingers) > MOST_FINGERS or len(config.preshapes) > MOST_TYPES:
+        got = f"{len(config.fingers)} fingers, {len(config.preshapes)} preshapes"
+        raise InputError(f"hand: expected at most {MOST_FINGERS} fingers and {MOST_TYPES} preshapes, got {got}")
     fingers = {name: [links] if isinstance(links, str) else links for name, links in config.fingers.items()}
     for name, links in fingers.items():
         if not isinstance(links, list) or not links:

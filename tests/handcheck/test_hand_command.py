@@ -17,12 +17,13 @@ from spgf_torch.cli.command import _config, slug
 from spgf_torch.cli.command_line import translated
 from spgf_torch.errors import InputError
 from spgf_torch.hand import run
+from spgf_torch.handcheck.check import check_hand
 from spgf_torch.handcheck.config import HandCheckConfig
 from spgf_torch.handcheck.finding import failed
 from spgf_torch.handcheck.hand_picture import hand_picture
 from spgf_torch.handcheck.posed import Posed
 from spgf_torch.handcheck.standing import simulated_findings, tried_hand
-from spgf_torch.hands.description_file import read_description
+from spgf_torch.hands.description_file import load_hand_file, read_description
 from spgf_torch.simulation.config import EpisodeConfig
 
 PANDA = Wrong("", "panda", "")
@@ -70,6 +71,7 @@ def test_a_bare_urdf_is_described_drawn_and_checked(place: Path, capsys: pytest.
     Path("jaw.urdf").write_bytes((ROOT / "data/hands/panda.urdf").read_bytes())
     run(settings("hand=jaw.urdf", "page=false", "simulate=false"), place)
     written = read_description(place / "jaw.yaml")
+    assert "panda_leftfinger" in (place / "config.yaml").read_text()
     assert written.urdf == str(place / "jaw.urdf") and sorted(written.preshapes) == ["narrow", "wide"]
     assert (place / "hand.png").is_file() and not (place / "hand.html").exists()
     assert "# Proposed by" in (said := capsys.readouterr().out) and "stays open" not in said
@@ -83,6 +85,7 @@ def test_a_wrong_hand_leaves_its_picture_one_line_and_status_2(place: Path) -> N
     assert line.startswith(
         "hand: hand panda: pad on its link of NPG: expected 1 mm at most, got 4.00 mm off the surface"
     )
+    assert line.endswith("; 3 more, the table has all")
     assert done.stdout.count("FAILS") == 4 and "stays open" not in done.stdout  # a wrong hand is not simulated
     (folder,) = (path for path in (place / "outputs/hand").iterdir() if path.name != "latest")
     assert (folder / "hand.png").is_file()
@@ -111,10 +114,11 @@ def test_a_drive_that_cannot_is_refused_before_any_trial(place: Path) -> None:
         tried_hand(read_description("hand.yaml"), EpisodeConfig())
 
 
-@pytest.mark.parametrize("hand", [PANDA, Wrong("", "sdh2", "", change=three_fingers(0.5))], ids=["panda", "three"])
-def test_right_hands_pass_in_simulation(hand: Wrong, place: Path) -> None:
-    findings = list(simulated_findings(load(place, hand), EpisodeConfig()))
-    assert findings and [finding.line() for finding in failed(findings)] == []
+@pytest.mark.parametrize("name", sorted(path.stem for path in (ROOT / "conf/hand").glob("*.yaml")))
+def test_every_shipped_hand_passes_every_check(name: str) -> None:
+    hand = load_hand_file(f"conf/hand/{name}.yaml")
+    findings = [*check_hand(hand), *simulated_findings(hand, EpisodeConfig())]
+    assert len(findings) > 10 and [finding.line() for finding in failed(findings)] == []
 
 
 def test_a_picture_has_a_row_a_preshape_in_the_colours_of_its_groups(place: Path) -> None:

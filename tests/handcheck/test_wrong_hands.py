@@ -48,7 +48,9 @@ def test_a_bound_is_just_kept_and_just_missed(tmp_path: Path) -> None:
 def test_a_wrong_hand_is_refused_in_one_line_and_right_ones_cost_nothing_again(tmp_path: Path) -> None:
     wrong = Wrong("", "panda", "", change=each("pads", {**PADS, "left": [0, 0.004, 0.045]}))
     load(tmp_path, wrong)
-    with pytest.raises(InputError, match=r"^hand panda: pad on its link of NPG: .*; 3 more: python -m spgf_torch.hand"):
+    with pytest.raises(
+        InputError, match=r"^hand panda: pad on its link of NPG: .*; 3 more, python -m spgf_torch.hand shows all$"
+    ):
         checked_hand(read_description(tmp_path / "hand.yaml"))
     hand = load(tmp_path, Wrong("", "panda", ""))
     findings = check_hand(hand)

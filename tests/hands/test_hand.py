@@ -57,12 +57,13 @@ def test_open_hand_leaves_the_space_between_the_pads_free(hand):
 def test_sapien_places_links_and_shapes_where_pytorch_kinematics_does(hand, kind):
     """Every moving link's pose, and every corner of every collision shape, within a hundredth of a millimetre."""
     from spgf_torch.simulation import episode
+    from spgf_torch.simulation.articulation import HandBuilder
 
     preshape = hand.preshapes[kind]
-    episode._configure(settings(EpisodeConfig))
+    episode.configure(settings(EpisodeConfig))
     material = episode.physx.PhysxMaterial(0.6, 0.6, 0)
     scene = episode.sapien.Scene([episode.physx.PhysxCpuSystem()])
-    articulation = episode._hand_builder(hand, material).set_scene(scene).build(fix_root_link=True)
+    articulation = HandBuilder(hand.robot, preshape, material).build(scene)
     articulation.set_qpos([preshape.joints[joint.name] for joint in articulation.active_joints])
     corners = []
     for link in articulation.links:

@@ -47,6 +47,18 @@ def test_a_mimic_joint_follows_with_ratio_and_offset(tmp_path: Path) -> None:
     assert wide.closed["right_joint"] == pytest.approx(0.004)  # left at its limit, the faces 4 mm apart
 
 
+def test_another_mimic_is_another_hand(tmp_path: Path) -> None:
+    """The rules of followers are no part of the XML that SAPIEN reads; where no joint follows, they do not matter."""
+    fingers = link("left", "0.01 0.02 0.06", "-0.005 0 0.02"), link("right", "0.01 0.02 0.06", "0.005 0 0.02")
+    driver = joint("left_joint", "left", axis="-1 0 0")
+    digests, both = [], {"wide": {"opening": 0.06, "close": {"left_joint": -1, "right_joint": -1}}}
+    for keys in ({}, {"preshapes": both}):
+        for rule in ("left_joint 1 0", "left_joint 0.9 0"):
+            urdf = robot(*fingers, driver, joint("right_joint", "right", mimic=rule))
+            digests.append(load_hand(described(tmp_path, urdf, **keys)).digest)
+    assert digests[0] != digests[1] and digests[2] == digests[3]
+
+
 def test_one_moving_jaw(tmp_path: Path) -> None:
     """The palm's own block is one finger: only the right one moves, and half a turn makes another hand."""
     urdf = robot(
@@ -180,7 +192,7 @@ def test_wrong_preshapes_are_told_in_one_line(tmp_path: Path, preshape: dict, me
 
 @pytest.mark.parametrize("name", ["CG", "a b", "../x", ""])
 def test_names_that_files_and_columns_cannot_have(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InputError, match="hand.preshapes: expected names of letters, digits, _ and -, not CG"):
+    with pytest.raises(InputError, match=r"hand\.preshapes: expected names of letters, digits, _ and -, not CG"):
         load_hand(described(tmp_path, clamp(), preshapes={name: {"opening": 0.05}}))
 
 

@@ -398,15 +398,24 @@ def test_hands(case: Case, own_folder: Path, capsys: pytest.CaptureFixture) -> N
         ({"urdf": "/dev/zero"}, "URDF"),
         ({"urdf": "."}, "URDF"),
         ({"urdf": "a" * 5000}, "name"),
-        ({"fixed_deg": {"panda_finger_joint1": 1e300}}, "degrees"),
-        ({"fixed_deg": {"panda_finger_joint1": -361.0}}, "degrees"),
-        ({"openings": {"NPG": 1e300, "WPG": 0.08}}, "metres"),
-        ({"openings": {"NPG": -0.01, "WPG": 0.08}}, "metres"),
+        ({"preshapes": {"NPG": {"hold": {"panda_finger_joint1": 1e300}}}}, "limits"),
+        ({"preshapes": {"NPG": {"open": {"panda_finger_joint1": -0.01}}}}, "limits"),
+        ({"preshapes": {"NPG": {"opening": 1e300}}}, "opening"),
+        ({"preshapes": {"NPG": {"opening": -0.01}}}, "opening"),
+        ({"preshapes": ["NPG"]}, "preshapes"),
+        ({"approach": [float("nan"), 0, 1]}, "approach"),
+        ({"closing": {"effort": float("inf")}}, "effort"),
+        ({"fingers": {"left": ["panda_leftfinger"]}}, "fingers"),
+        ({"fingers": {f"f{i}": ["panda_leftfinger"] for i in range(100)}}, "fingers"),
     ],
 )
 def test_settings_of_a_hand(changes: dict[str, Any], word: str, capsys: pytest.CaptureFixture) -> None:
     from omegaconf import OmegaConf
 
     values = OmegaConf.to_container(OmegaConf.load(ROOT / "conf/hand/panda.yaml"))
-    config = settings(HandConfig, **{**values, **changes})
-    told("simulate", lambda: load_hand(config), (word, "expected", "got"), capsys)
+    told(
+        "simulate",
+        lambda: load_hand(settings(HandConfig, **{**values, **changes})),
+        (word, "expected", "got"),
+        capsys,
+    )
