@@ -1,9 +1,9 @@
-"""`python -m spgf_torch.evaluate objects=FOLDER`: a trained model's best grasps on scanned meshes, held in SAPIEN."""
+"""`python -m spgf_torch.evaluate objects=FOLDER`: a trained model's best grasps on scanned meshes, executed."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from spgf_torch.cli.command import run_command
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig
+from spgf_torch.extras import installed, needed, remedy
 from spgf_torch.files.given_paths import NONE, check_folder, model_and_judge
 from spgf_torch.paths import find
 from spgf_torch.progress import ProgressReporter, show
@@ -23,38 +24,35 @@ if TYPE_CHECKING:
     from spgf_torch.experiment.describe import Grasps
     from spgf_torch.experiment.execution import Executed
     from spgf_torch.experiment.loaded_model import LoadedModel
+    from spgf_torch.hands.hand import Hand
     from spgf_torch.objects.grasp_object import GraspObject
     from spgf_torch.proposing.judge import Judge
 
 
 def run(config: EvaluateConfig, folder: Path) -> None:
     """Sense the meshes, rank candidate grasps, execute the best of each type; write the rates into `folder`."""
+    if config.engine != "sapien":
+        needed(f"engine: {config.engine}", "mujoco")
+        if config.episode.robot is not None:
+            raise InputError(f"engine: expected sapien with the robot's episode, got {config.engine}")
     config = _resolved(config)
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.affordance.model import check_device
-    from spgf_torch.cache import Cache
     from spgf_torch.evaluation.executed import executed_results
     from spgf_torch.evaluation.files import write_json
-    from spgf_torch.evaluation.tables import executed_table, scans_table
+    from spgf_torch.evaluation.tables import executed_table
     from spgf_torch.experiment.execution import execute_best
     from spgf_torch.files.writing import write_bytes
     from spgf_torch.hands.hand import load_hand
     from spgf_torch.hands.records import grippers_of
-    from spgf_torch.objects.folders import read_objects
     from spgf_torch.reporting.figures.failures import failures_picture
     from spgf_torch.simulation.execute import Trials
 
     check_device(config.device)
     stages = ProgressReporter()
     meets = None if config.model == NONE else models(config)
-    found = read_objects(config, ProgressReporter(), Cache.open(config.cache, config.cache_gb))
-    for note in found.notes:
-        show(note)
-    if found.scans:
-        show(scans_table(found.scans))
-
-    objects, start = found.objects, time.perf_counter()
+    objects, start = _objects(config), time.perf_counter()
     judge = _judge(config)
     known = _known(objects, meets(objects[0]).model if meets else None, judge, config)
     for line in (doubts := known_lines(known, judge, len(objects))):
@@ -67,16 +65,66 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     each = (time.perf_counter() - start) / len(objects)
 
     trials = Trials(load_hand(config.hand), config.episode)
-    executed = execute_best(objects, grasps, scores, trials, config, stages)
+    by_engine = execute_best(objects, grasps, scores, trials, config, stages)
+    executed = next(iter(by_engine.values()))
     results = executed_results(outcomes_of(objects, executed, each), config)
     results |= {"learned_from": known, **_judged(executed, scores, config), **_ended(executed, config)}
-    write_json(folder / "results.json", results)
+    told: list[Any] = [executed_table(results), *doubts]
+    if len(by_engine) > 1:
+        told += _both_engines(objects, grasps, by_engine, trials.hand, config, folder, results)
     failures = failures_picture(objects, grasps, executed, grippers_of(trials.hand))
     if failures:
         write_bytes(folder / "failures.png", failures)
+    write_json(folder / "results.json", results)
     pictured = "failures.png shows the CG grasps that failed" if failures else "no CG grasp failed: no picture"
-    for content in (executed_table(results), *doubts, f"results and settings in {folder}; {pictured}"):
+    for content in (*told, f"results and settings in {folder}; {pictured}"):
         show(content)
+
+
+def _objects(config: EvaluateConfig) -> Sequence[GraspObject]:
+    """What lies in the folder; lines and a table tell what it was taken for."""
+    from spgf_torch.cache import Cache
+    from spgf_torch.evaluation.tables import scans_table
+    from spgf_torch.objects.folders import read_objects
+
+    found = read_objects(config, ProgressReporter(), Cache.open(config.cache, config.cache_gb))
+    for note in found.notes:
+        show(note)
+    if found.scans:
+        show(scans_table(found.scans))
+    return found.objects
+
+
+def _both_engines(
+    objects: Sequence[GraspObject],
+    grasps: Sequence[Grasps],
+    by_engine: Mapping[str, Sequence[Executed]],
+    hand: Hand,
+    config: EvaluateConfig,
+    folder: Path,
+    results: dict[str, Any],
+) -> list[Any]:
+    """Add what both engines found to `results`; write CSV, picture and page; return what to show."""
+    from spgf_torch.evaluation.engines import Compared, engine_results, engines_csv
+    from spgf_torch.evaluation.tables import engines_lines, engines_table
+    from spgf_torch.files.writing import write_bytes, write_text
+    from spgf_torch.hands.records import grippers_of
+    from spgf_torch.reporting.figures.disagreements import disagreements_picture, shown_disagreements
+    from spgf_torch.reporting.pages.engines_page import engines_page
+
+    rows = zip(objects, grasps, *by_engine.values(), strict=True)
+    compared = [Compared.of(obj, its, dict(zip(by_engine, ran, strict=True))) for obj, its, *ran in rows]
+    results["engines"] = found = engine_results(compared, config)
+    write_text(folder / "engines.csv", engines_csv(compared, results["grasp_types"]))
+    told: list[Any] = [engines_table(found, config.N), *(lines := engines_lines(found))]
+    shown = shown_disagreements(objects, compared, grippers_of(hand))
+    if shown:
+        write_bytes(folder / "disagreements.png", disagreements_picture(shown))
+    if installed("plotly"):
+        write_text(folder / "index.html", engines_page(found, shown, lines, config.N))
+    else:
+        told.append(f"no page, for which {remedy('plotly')} is needed")
+    return told
 
 
 def _resolved(config: EvaluateConfig) -> EvaluateConfig:

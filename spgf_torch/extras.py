@@ -1,8 +1,8 @@
 """Packages that an extra of this one brings, and the line that names the extra where one of them is missing.
 
 What describes texlets, learns from trials and proposes grasps is always installed; what only an export, a page, a
-judge's learning, a baseline or a cluster needs is not. A package is looked up without being imported, so that a
-command can ask before it loads, computes or writes anything.
+judge's learning, a baseline, a cluster or a second engine needs is not. A package is looked up without being imported,
+so that a command can ask before it loads, computes or writes anything.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ PACKAGES = {
     "distributed": ("Dask", "cluster"),
     "xacrodoc": ("xacrodoc", "hands"),
     "collada": ("pycollada", "hands"),
+    "mujoco": ("MuJoCo", "mujoco"),
 }
 
 

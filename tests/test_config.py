@@ -19,6 +19,7 @@ from spgf_torch.objects.config import CollisionConfig
 from spgf_torch.proposing.config import HypothesesConfig, ProposingConfig
 from spgf_torch.prototypes.config import PrototypeConfig
 from spgf_torch.scene.config import SceneConfig
+from spgf_torch.second_engine.config import MujocoConfig
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import LEFT_OUT, plain, settings, typed
 from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig, SimulateConfig
@@ -41,6 +42,7 @@ ROOMS = (
     FeatureConfig,
     HandConfig,
     HypothesesConfig,
+    MujocoConfig,
     PrototypeConfig,
     ProposingConfig,
     SamplerConfig,

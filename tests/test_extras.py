@@ -19,6 +19,12 @@ CALLS = [
     ("report", [], "plotly", "index.html expected plotly (pip install 'spgf-torch[report]')"),
     ("export", ["format=[isaac,acronym]"], "h5py", "format: acronym expected h5py (pip install 'spgf-torch[export]')"),
     ("judge", [], "sklearn", "learning expected scikit-learn (pip install 'spgf-torch[judge]')"),
+    (
+        "evaluate",
+        ["objects=.", "engine=both"],
+        "mujoco",
+        "engine: both expected MuJoCo (pip install 'spgf-torch[mujoco]')",
+    ),
     ("train", ["judge=learn"], "sklearn", "judge: learn expected scikit-learn (pip install 'spgf-torch[judge]')"),
     ("train", ["ranking=judge"], "sklearn", "ranking: judge expected scikit-learn (pip install 'spgf-torch[judge]')"),
     (
@@ -74,14 +80,14 @@ def test_what_is_installed_is_not_asked_for() -> None:
 
 
 def test_modules_import_what_an_extra_brings_only_when_it_is_used() -> None:
-    """But for the one that learns judges, which their commands import once they have asked."""
+    """But for those that learn judges and run MuJoCo, which commands import once they have asked."""
     found = set()
     for path in (ROOT / "spgf_torch").rglob("*.py"):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             found |= {path.name for name in names if name.split(".")[0] in PACKAGES}
-    assert found == {"learning.py"}
+    assert found == {"learning.py", "model.py", "trial.py"}
 
 
 def test_extras_bring_what_is_said_of_them() -> None:
@@ -93,6 +99,6 @@ def test_extras_bring_what_is_said_of_them() -> None:
         assert f"{package}>=" in extras[extra] or f"{package}-cpu>=" in extras[extra], known
         assert not any(required.startswith(package) for required in project["dependencies"]), known
     assert (
-        extras["all"] == "spgf-torch[export,report,judge,sweep,cluster,hands]"
+        extras["all"] == "spgf-torch[export,report,judge,sweep,cluster,hands,mujoco]"
         and "spgf-torch[all,docs]" in extras["dev"]
     )

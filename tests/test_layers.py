@@ -16,6 +16,7 @@ FORBIDDEN = {
     "sapien": ("proposing/propose.py", "import sapien.physx"),
     "lightning": ("prototypes/kmeans.py", "from lightning.pytorch import Trainer"),
     "sklearn": ("judging/judge_training.py", "import sklearn"),
+    "mujoco": ("simulation/worker.py", "import mujoco"),
     "open3d": ("scene/files.py", "import open3d"),
     "hydra": ("predictor.py", "from hydra import main"),
 }

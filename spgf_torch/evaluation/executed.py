@@ -39,6 +39,7 @@ def executed_results(outcomes: Sequence[ObjectOutcome], config: EvaluateConfig) 
         "schema": SCHEMA,
         "grasp_types": [name for name in outcomes[0].best if name != ALL],
         "N": config.N,
+        "engine": config.engine,
         "candidates": config.candidates,
         "held_out": config.held_out,
         "ranking": config.ranking,

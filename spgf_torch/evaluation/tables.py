@@ -15,6 +15,7 @@ from spgf_torch.evaluation.reliability import PREDICTORS
 from spgf_torch.evaluation.results import KNOWS_MORE, chosen_words
 from spgf_torch.evaluation.success import ALL, class_means, random_rate
 from spgf_torch.objects.config import CLASSES
+from spgf_torch.second_engine.physics import MUJOCO, NAMES, SAPIEN
 from spgf_torch.simulation.table import OUTCOMES
 
 SHORT = {"containers": "cont"}  # as in the paper's Table 1: the table fits 80 columns
@@ -153,8 +154,12 @@ def hopeless_types(tables: Sequence[TrialTable], hand: str) -> list[str]:
 
 
 def executed_table(results: Mapping[str, Any]) -> Table:
-    """Per object and class: the share of the best grasps that SAPIEN held, beside random candidates; in percent."""
-    table = Table(title=f"Held in SAPIEN (%): the {results['N']} highest-ranked grasps, and random candidates")
+    """Per object and class: the share of the best grasps that were held, beside random candidates; in percent.
+
+    Of two engines the first's.
+    """
+    engine = NAMES[MUJOCO if results["engine"] == MUJOCO else SAPIEN]
+    table = Table(title=f"Held in {engine} (%): the {results['N']} highest-ranked grasps, and random candidates")
     table.add_column("object")
     table.add_column("class")
     types = (*results["grasp_types"], ALL)
@@ -170,6 +175,42 @@ def executed_table(results: Mapping[str, Any]) -> Table:
     low, high = results["interval95"]["all"]["CG"]
     table.caption = f"CG, all: 95 % interval over objects {100 * low:.0f} to {100 * high:.0f} %"
     return table
+
+
+def engines_table(engines: Mapping[str, Any], n: int) -> Table:
+    """Per object: the best grasps (CG) that each engine and both held, in percent, and on how many they disagree."""
+    table = Table(title=f"The {n} highest-ranked grasps (CG) in two engines: held (%)")
+    table.add_column("object")
+    for name in ("SAPIEN", "MuJoCo", "both", "free grasps", "disagree"):
+        table.add_column(name, justify="right")
+    columns = (SAPIEN, MUJOCO, "both")
+    for row in engines["per_object"]:
+        counts = (str(row["free"]), str(row["disagree"]))
+        table.add_row(row["object"], *(f"{100 * row[name]:.1f}" for name in columns), *counts)
+    table.add_section()
+    rates = (f"{100 * engines[name]['success_rate']['all'][ALL]:.1f}" for name in columns)
+    totals = (str(sum(row[name] for row in engines["per_object"])) for name in ("free", "disagree"))
+    table.add_row("all", *rates, *totals)
+    low, high = engines["both"]["interval95"]["all"][ALL]
+    table.caption = f"both, all: 95 % interval over objects {100 * low:.0f} to {100 * high:.0f} %"
+    return table
+
+
+def engines_lines(engines: Mapping[str, Any]) -> list[str]:
+    """On how many of the grasps the engines agree, and how the others end in each."""
+    lines = []
+    for name, words in (
+        ("best", "the best grasps (CG)"),
+        ("free", "all grasps that the open hand does not collide in"),
+    ):
+        its = engines["agreement"][name]
+        if its["grasps"]:
+            low, high = (100 * end for end in its["interval95"])
+            share = f"{100 * its['share']:.1f} % (95 % interval over objects {low:.0f}-{high:.0f})"
+            lines.append(f"engines agree whether it holds: {share} of {its['grasps']:,}, {words}")
+    apart = [row for row in engines["outcomes"] if (row[SAPIEN] == "success") != (row[MUJOCO] == "success")]
+    ends = ", ".join(f"{row['grasps']} {row[SAPIEN]} / {row[MUJOCO]}" for row in apart)
+    return [*lines, f"disagreements, SAPIEN / MuJoCo: {ends or 'none'}"]
 
 
 def scans_table(scans: Sequence[Scan]) -> Table:

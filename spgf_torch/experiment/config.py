@@ -12,6 +12,7 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.objects.config import ObjectsConfig
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.prototypes.config import ConstellationConfig, PrototypeConfig
+from spgf_torch.second_engine.config import MujocoConfig
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import bounded, choice, text
 from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig
@@ -66,6 +67,7 @@ class EvaluateConfig(ObjectsConfig):
     samples: int = bounded(1, 10_000_000)
     random_trials: int = bounded(1, 1_000_000)
     ranking: str = choice(*RANKINGS)
+    engine: str = choice("sapien", "mujoco", "both")
     bootstrap: int = bounded(100, 1_000_000)
     seed: int = bounded(0, 2**31 - 1)
     device: str = text()
@@ -74,4 +76,5 @@ class EvaluateConfig(ObjectsConfig):
     sensing: SensingConfig = field(default_factory=SensingConfig)
     sampler: SamplerConfig = field(default_factory=SamplerConfig)
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    mujoco: MujocoConfig = field(default_factory=MujocoConfig)
     proposing: ProposingConfig = field(default_factory=ProposingConfig)

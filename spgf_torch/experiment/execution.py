@@ -1,10 +1,11 @@
-"""Executing a model's best grasps on objects that were never tried: SAPIEN has the last word."""
+"""Executing a model's best grasps on objects that were never tried: the engine has the last word."""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import torch
@@ -14,31 +15,40 @@ from spgf_torch.experiment.config import EvaluateConfig
 from spgf_torch.experiment.describe import Grasps
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter
+from spgf_torch.second_engine.physics import NAMES, makers
 from spgf_torch.simulation.candidates import sample_candidates
 from spgf_torch.simulation.config import SamplerConfig
 from spgf_torch.simulation.execute import Trials, codes, execute_words
 from spgf_torch.simulation.table import OUTCOMES
 
-SUCCESS = OUTCOMES.index("success")
+SUCCESS, NOT_RUN = OUTCOMES.index("success"), -1
 
 
 @dataclass(frozen=True)
 class Executed:
-    """What SAPIEN made of one object's grasps.
+    """What an engine made of one object's grasps.
 
     Attributes:
         best: grasp type or "CG" -> indices (<= N,) int64 of the highest-ranked grasps, best first.
-        success: (G,) bool; meaningful where `ran`.
-        ran: (G,) bool, which grasps were executed: the best ones and the random sample.
+        outcome: (G,) int64 codes into `OUTCOMES` of the best ones and the random sample; `NOT_RUN` of others.
         random: grasp type -> indices (R,) int64 of the random sample.
         ended: index of a grasp that ran -> how it ended (a word of `label.Label`).
     """
 
     best: dict[str, Tensor]
-    success: Tensor
-    ran: Tensor
+    outcome: Tensor
     random: dict[str, Tensor]
     ended: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def success(self) -> Tensor:
+        """(G,) bool, which grasps were held."""
+        return self.outcome == SUCCESS
+
+    @property
+    def ran(self) -> Tensor:
+        """(G,) bool, which grasps were executed."""
+        return self.outcome != NOT_RUN
 
     def rate(self, chosen: Tensor) -> float:
         """Share of successes among the grasps `chosen`; of none it is 0."""
@@ -84,8 +94,11 @@ def execute_best(
     trials: Trials,
     config: EvaluateConfig,
     stages: ProgressReporter,
-) -> list[Executed]:
-    """Execute the N best grasps of each type, and the first `random_trials` candidates of each: a random sample."""
+) -> dict[str, list[Executed]]:
+    """Execute the N best grasps of each type, and the first `random_trials` candidates of each: a random sample.
+
+    Returns for each engine that `config.engine` asks for what it made of every object's grasps, the same ones in each.
+    """
     types = trials.grasp_types
     best = [best_grasps(s, g.grasp_type, config.N, types) for s, g in zip(score, grasps, strict=True)]
     random = [
@@ -97,13 +110,19 @@ def execute_best(
     requests = [
         (objects[i], name, grasps[i].T_object_tcp[which]) for (i, name), which in zip(pairs, chosen, strict=True)
     ]
-    success = [torch.zeros(len(g.grasp_type), dtype=torch.bool) for g in grasps]
-    ran = [torch.zeros_like(s) for s in success]
-    ended: list[dict[int, str]] = [{} for _ in success]
-    with stages.stage("trials", sum(map(len, chosen)), "grasps") as advance:
-        outcomes = execute_words(requests, trials, config.workers, lambda _, done: advance(done))
-        for (i, _), which, words in zip(pairs, chosen, outcomes, strict=True):
-            success[i][which] = codes(words) == SUCCESS
-            ran[i][which] = True
-            ended[i] |= zip(which.tolist(), words, strict=True)
-    return [Executed(*row) for row in zip(best, success, ran, random, ended, strict=True)]
+    executed = {}
+    for engine, make in makers(config.engine, config.mujoco).items():
+        outcome = [torch.full((len(g.grasp_type),), NOT_RUN) for g in grasps]
+        ended: list[dict[int, str]] = [{} for _ in grasps]
+        with stages.stage(f"trials in {NAMES[engine]}", sum(map(len, chosen)), "grasps") as advance:
+            told = partial(_told, advance)
+            ways = execute_words(requests, trials, config.workers, told, make)
+            for (i, _), which, words in zip(pairs, chosen, ways, strict=True):
+                outcome[i][which] = codes(words)
+                ended[i] |= zip(which.tolist(), words, strict=True)
+        executed[engine] = [Executed(*row) for row in zip(best, outcome, random, ended, strict=True)]
+    return executed
+
+
+def _told(advance: Callable[[int], None], name: str, done: int) -> None:
+    advance(done)

@@ -21,7 +21,7 @@ from spgf_torch.simulation.config import APPROACH, SamplerConfig
 from spgf_torch.simulation.executors import Executor, Task, executor_of
 from spgf_torch.simulation.label import Label, outcome_of
 from spgf_torch.simulation.table import OUTCOMES, Provenance, TrialTable, pose_matrix
-from spgf_torch.simulation.worker import Case, ChunkResult, Trials
+from spgf_torch.simulation.worker import Case, ChunkResult, TrialMaker, Trials, physics
 
 CHUNK = 50  # candidates a task: a few seconds at most, so that all workers end together
 VERSIONS = ("sapien", "trimesh", "numpy", "python-fcl", "embreex", "pytorch-kinematics")
@@ -175,12 +175,13 @@ def execute(
     trials: Trials,
     workers: int | Executor = 0,
     progress: Callable[[str, int], None] = lambda name, done: None,
+    make: TrialMaker = physics,
 ) -> Iterator[Tensor]:
     """Yield for each (object, grasp type, T_object_tcp (M, 4, 4)) the outcomes (M,) int64, codes into `OUTCOMES`.
 
     Arguments and errors as of `execute_words`.
     """
-    for words in execute_words(requests, trials, workers, progress):
+    for words in execute_words(requests, trials, workers, progress, make):
         yield codes(words)
 
 
@@ -189,13 +190,15 @@ def execute_words(
     trials: Trials,
     workers: int | Executor = 0,
     progress: Callable[[str, int], None] = lambda name, done: None,
+    make: TrialMaker = physics,
 ) -> Iterator[list[str]]:
     """Yield for each (object, grasp type, T_object_tcp (M, 4, 4)) how each grasp ended: words of `label.Label`.
 
     `workers`: processes, 0 = one a core, 1 = this one; or an executor. `progress(name, done)` is called whenever
-    `done` more candidates of an object have ended. Raises TrialError where one has no outcome.
+    `done` more candidates of an object have ended. `make` makes the trials, in SAPIEN by default. Raises
+    TrialError where one has no outcome.
     """
-    cases = [(Case.of(obj, trials, grasp_type), T.numpy()) for obj, grasp_type, T in requests]
+    cases = [(Case.of(obj, trials, grasp_type, make), T.numpy()) for obj, grasp_type, T in requests]
     tasks = [
         Task((index, first), case, T[first : first + CHUNK])
         for index, (case, T) in enumerate(cases)

@@ -25,6 +25,8 @@ BUILDING = 10
 
 # T_object_tcp (4, 4) -> how it ended, a word of `label.Label`: one of `table.OUTCOMES` alone, or with a cause.
 TrialFunction = Callable[[np.ndarray], str]
+# Object, trials and grasp type -> its trial: a function, or settings that can be called and whose `repr` tells all.
+TrialMaker = Callable[["GraspObject", "Trials", str], TrialFunction]
 
 
 @dataclass(frozen=True)
@@ -67,18 +69,17 @@ class Case:
     grasp_type: str
     obj: GraspObject = field(compare=False)
     trials: Trials = field(compare=False)
-    make: Callable[[GraspObject, Trials, str], TrialFunction] = field(default=physics, compare=False)
+    make: TrialMaker = field(default=physics, compare=False)
 
     @staticmethod
     def of(
         obj: GraspObject,
         trials: Trials,
         grasp_type: str,
-        make: Callable[[GraspObject, Trials, str], TrialFunction] = physics,
+        make: TrialMaker = physics,
     ) -> Case:
-        return Case(
-            f"{obj.digest} {trials.hand.digest} {trials.episode} {make.__qualname__}", grasp_type, obj, trials, make
-        )
+        name = getattr(make, "__qualname__", repr(make))
+        return Case(f"{obj.digest} {trials.hand.digest} {trials.episode} {name}", grasp_type, obj, trials, make)
 
 
 @dataclass(frozen=True)

@@ -4,19 +4,17 @@
 
 Candidates of all shipped objects, from data/trials' sampler. Ours: pre-check, then the episode, the default one and
 episode=fast. Reference: the default one at dt 1/2000. Naive: what one writes first: a scene, the URDF and the object's
-parts anew for each candidate, no pre-check. MuJoCo: hand, object, drives, closing, loads and tests of the outcome are
-the same, behind our pre-check, and the model of an object is compiled once; what differs is MuJoCo's own: soft
-contacts, elliptic friction cones, the Newton solver, implicitfast integration, PD drives as actuators, at our dt. All
-take turns, an object a round, in one process, and seconds are the processor's; agreement is about success or not, over
-candidates that the pre-check lets through, unless it says all, with its 95 % interval (Wilson). episode=fast was chosen
-on other candidates.
+parts anew for each candidate, no pre-check. MuJoCo: the package's second engine, with the same hand, object, drives,
+closing, loads and tests of the outcome, behind our pre-check; the model of an object is compiled once. All take turns,
+an object a round, in one process, and seconds are the processor's; agreement is about success or not, over candidates
+that the pre-check lets through, unless it says all, with its 95 % interval (Wilson). episode=fast was chosen on other
+candidates.
 """
 
 import spgf_torch  # noqa: F401  before torch: it sets how torch's threads wait
 
 # isort: split
 
-import math
 import sys
 import time
 from collections.abc import Callable
@@ -33,13 +31,13 @@ from torch import Tensor
 
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import Hand, load_hand
-from spgf_torch.hands.preshape import Drive
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import root
+from spgf_torch.second_engine.config import MujocoConfig
 from spgf_torch.settings import settings, typed
 from spgf_torch.simulation.candidates import sample_candidates
 from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig
-from spgf_torch.simulation.episode import CHECK_STEPS, DIRECTIONS, Simulator
+from spgf_torch.simulation.episode import Simulator
 from spgf_torch.simulation.execute import execute
 from spgf_torch.simulation.precheck import PreCheck
 from spgf_torch.simulation.worker import Trials
@@ -59,161 +57,6 @@ def episode(name: str) -> EpisodeConfig:
 
 EPISODE, FAST = settings(EpisodeConfig), episode("fast")
 FINE = settings(EpisodeConfig, dt=1 / 2000)
-
-# MuJoCo's default contacts throw objects out of closing fingers (33 % of outcomes as ours); of ten settings tried on
-# 46 candidates, these, as stiff as the time step lets them be and overdamped, agreed best at our dt (80 %).
-FRICTION, SOLREF = (EPISODE.friction, 0.005, 1e-4), (2 * EPISODE.dt, 2.0)
-
-
-class Mujoco:
-    """The episode of `simulation.episode` in MuJoCo, for one object and grasp type of a jaw.
-
-    The hand's base is the world's frame; the object is placed in it and all loads act on the object as forces, turned
-    into that frame.
-    """
-
-    def __init__(self, mujoco, obj: GraspObject, hand: Hand, kind: str) -> None:
-        self.mj, self.obj, self.hand, self.preshape = mujoco, obj, hand, hand.preshapes[kind]
-        spec = mujoco.MjSpec.from_string(hand.robot.xml)
-        spec.option.timestep, spec.option.gravity = EPISODE.dt, [0, 0, 0]
-        spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-        spec.compiler.boundmass = spec.compiler.boundinertia = 1e-9
-        for geom in spec.geoms:
-            geom.contype, geom.conaffinity, geom.friction, geom.solref = 1, 0, FRICTION, SOLREF
-        for joint in list(spec.joints):
-            joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
-        moments, axes = np.linalg.eigh(obj.inertia)
-        axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
-        body = spec.worldbody.add_body(
-            name="object", mass=obj.mass, ipos=obj.com, inertia=moments, iquat=_quaternion(mujoco, axes)
-        )
-        body.explicitinertial = True
-        body.add_freejoint()
-        for number, part in enumerate(obj.parts):
-            name = f"part{number}"
-            spec.add_mesh(
-                name=name,
-                uservert=np.asarray(part, dtype=np.float64).ravel(),
-                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
-            )
-            geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, mass=0)
-            geom.contype, geom.conaffinity, geom.friction, geom.solref = 0, 1, FRICTION, SOLREF
-        for name, drive in self.preshape.drives.items():
-            _drive(mujoco, spec, name, drive)
-        for name in self.preshape.held:  # what never moves becomes part of its parent, as in `articulation`
-            _weld(mujoco, spec, name, self.preshape.joints[name])
-        self.model = spec.compile()
-        self.data = mujoco.MjData(self.model)
-        self.addresses = {name: self.model.joint(name).qposadr[0] for name in self.preshape.drives}
-        self.free = self.model.body("object").jntadr[0]
-        self.pads = [self.model.body(link).id for (link,) in self.preshape.groups]
-
-    def run(self, T_object_tcp: np.ndarray) -> str:
-        mj, data, config = self.mj, self.data, EPISODE
-        mj.mj_resetData(self.model, data)
-        T_base_object = self.preshape.T_base_tcp @ np.linalg.inv(T_object_tcp)
-        self.R = T_base_object[:3, :3]
-        self.place = self.model.jnt_qposadr[self.free]
-        data.qpos[self.place : self.place + 3] = T_base_object[:3, 3]
-        data.qpos[self.place + 3 : self.place + 7] = _quaternion(mj, self.R)
-        for name, address in self.addresses.items():
-            data.qpos[address] = data.actuator(name).ctrl[0] = self.preshape.joints[name]
-        mj.mj_forward(self.model, data)
-        self.close()
-        if not self.touching():
-            return "missed"
-        for _ in range(round(config.settle_time / config.dt)):
-            self.follow()
-            mj.mj_step(self.model, data)
-        if len(self.touching()) < 2:
-            return "missed"
-        start = data.qpos[self.place : self.place + 7].copy()
-        gravity = np.array([0.0, 0.0, -config.gravity])
-        loads = [(gravity - [0, 0, config.hold_acceleration], config.hold_time)]
-        loads += [(gravity + config.shake_acceleration * way, config.shake_time) for way in DIRECTIONS]
-        for acceleration, duration in loads:
-            data.xfrc_applied[self.model.body("object").id, :3] = self.obj.mass * (self.R @ acceleration)
-            steps = round(duration / config.dt)
-            for step in range(1, steps + 1):
-                mj.mj_step(self.model, data)
-                if (step % CHECK_STEPS == 0 or step == steps) and (failure := self.failure(start)):
-                    return failure
-        return "success" if len(self.touching()) == 2 else "dropped"
-
-    def close(self) -> None:
-        data, closing, drives = self.data, self.preshape.closing, self.preshape.drives
-        (phase,), stride = closing.phases, closing.speed * EPISODE.dt
-        window, dof = max(1, round(EPISODE.stall_window / EPISODE.dt)), self.model.jnt_dofadr[self.free]
-        targets = before = {name: sign * float(data.qpos[self.addresses[name]]) for name, sign in phase.items()}
-        still = 0
-        self.model.dof_damping[dof : dof + 3] = EPISODE.damping * self.obj.mass
-        self.model.dof_damping[dof + 3 : dof + 6] = EPISODE.damping * np.trace(self.obj.inertia) / 3
-        for step in range(1, round(closing.time / EPISODE.dt) + 1):
-            for name, sign in phase.items():
-                ahead = sign * float(data.qpos[self.addresses[name]]) + closing.effort / drives[name].stiffness
-                targets = {**targets, name: max(targets[name], min(targets[name] + stride, ahead))}
-                data.actuator(name).ctrl[0] = sign * targets[name]
-            self.follow()
-            self.mj.mj_step(self.model, data)
-            if step % window == 0:
-                now = {name: sign * float(data.qpos[self.addresses[name]]) for name, sign in phase.items()}
-                moved = max(abs(now[name] - before[name]) for name in phase)
-                before, still = now, still + 1 if moved < EPISODE.stall_motion else 0
-                if still == 2:
-                    break
-        self.model.dof_damping[dof : dof + 6] = 0
-
-    def follow(self) -> None:
-        for name, rule in self.preshape.closing.follow.items():
-            driver = float(self.data.qpos[self.addresses[rule.of]])
-            self.data.actuator(name).ctrl[0] = rule.ratio * driver + rule.offset
-
-    def failure(self, start: np.ndarray) -> str | None:
-        now = self.data.qpos[self.place : self.place + 7]
-        R, R0 = _rotation(self.mj, now[3:]), _rotation(self.mj, start[3:])
-        tcp = self.preshape.T_base_tcp[:3, 3]
-        if math.dist(R @ R0.T @ (tcp - start[:3]) + now[:3], tcp) > EPISODE.max_slip:
-            return "slipped" if len(self.touching()) == 2 else "dropped"
-        return "rotated" if (np.trace(R @ R0.T) - 1) / 2 < math.cos(math.radians(EPISODE.max_rotation_deg)) else None
-
-    def touching(self) -> set[int]:
-        thing, found, force = self.model.body("object").id, set(), np.zeros(6)
-        for i, contact in enumerate(self.data.contact[: self.data.ncon]):
-            bodies = set(self.model.geom_bodyid[contact.geom])
-            self.mj.mj_contactForce(self.model, self.data, i, force)
-            if thing in bodies and force[0] > 0:
-                found |= {k for k, pad in enumerate(self.pads) if pad in bodies}
-        return found
-
-
-def _drive(mujoco, spec, joint: str, drive: Drive) -> None:
-    actuator = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    actuator.set_to_position(kp=drive.stiffness, kv=drive.damping)
-    actuator.forcelimited, actuator.forcerange = 1, [-drive.effort, drive.effort]
-
-
-def _weld(mujoco, spec, name: str, angle: float) -> None:
-    """Turn the joint's body to the angle and take the joint away."""
-    joint = spec.joint(name)
-    body, axis, turn = joint.parent, np.array(joint.axis), np.zeros(4)
-    mujoco.mju_axisAngle2Quat(turn, axis, angle)
-    result = np.zeros(4)
-    mujoco.mju_mulQuat(result, np.array(body.quat), turn)
-    body.quat = result
-    spec.delete(joint)
-
-
-def _quaternion(mujoco, rotation: np.ndarray) -> np.ndarray:
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
-    return quaternion
-
-
-def _rotation(mujoco, quaternion: np.ndarray) -> np.ndarray:
-    matrix = np.zeros(9)
-    mujoco.mju_quat2Mat(matrix, np.ascontiguousarray(quaternion))
-    return matrix.reshape(3, 3)
 
 
 @dataclass
@@ -264,7 +107,9 @@ def compare(tally: Tally, obj: GraspObject, hand: Hand, kind: str, T: np.ndarray
     truth[free] = tally.held["dt 1/2000"][-free.sum() :] if free.any() else []
     tally.held.setdefault("truth of naive", []).extend(truth[:NAIVE].tolist())
     if mujoco:
-        tally.add("mujoco", Mujoco(mujoco, obj, hand, kind).run, T[free])
+        from spgf_torch.second_engine.trial import MujocoSimulator
+
+        tally.add("mujoco", MujocoSimulator(obj, hand, kind, EPISODE, settings(MujocoConfig)).run, T[free])
 
 
 def main(count: int) -> None:

@@ -9,6 +9,7 @@ from spgf_torch.experiment.execution import Executed, best_grasps, candidate_gra
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.settings import settings
 from spgf_torch.simulation.config import SamplerConfig
+from spgf_torch.simulation.table import OUTCOMES
 
 
 @pytest.fixture
@@ -52,8 +53,7 @@ def test_rates_of_an_object_by_hand(block: GraspObject) -> None:
     """Best NPG: grasps 0, 1 -> 1/2; CG: 0, 2 -> 1; random NPG 1 -> 0, WPG 2, 3 -> 1/2; of all three 1/3."""
     executed = Executed(
         best={"NPG": torch.tensor([0, 1]), "CG": torch.tensor([0, 2])},
-        success=torch.tensor([True, False, True, False]),
-        ran=torch.ones(4, dtype=torch.bool),
+        outcome=torch.tensor([OUTCOMES.index(word) for word in ("success", "missed", "success", "collision")]),
         random={"NPG": torch.tensor([1]), "WPG": torch.tensor([2, 3])},
     )
     (outcome,) = outcomes_of([block], [executed], seconds=0.5)

@@ -361,6 +361,28 @@ def test_evaluate_executes_candidates_of_the_mesh(small: Path, scanned: Path, mo
     executed(Path("sampled"))
 
 
+def test_evaluate_asks_a_second_engine(small: Path, scanned: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same bytes with one worker and two; what SAPIEN finds is what it finds alone; each file tells of both."""
+    pytest.importorskip("mujoco")
+    monkeypatch.chdir(small)
+    command = [f"objects={scanned}", "random_trials=4", "N=3", "bootstrap=100", "candidates=sampled", "samples=60"]
+    found = {}
+    for name, more in {
+        "alone": ["workers=1"],
+        "one": ["engine=both", "workers=1"],
+        "two": ["engine=both", "workers=2"],
+    }.items():
+        Path(name).mkdir()
+        evaluate(typed(EvaluateConfig, composed("evaluate", *command, *more)), Path(name))
+        found[name] = json.loads((Path(name) / "results.json").read_text())
+    alone, one, two = found.values()
+    assert one["engines"] == two["engines"] and one["success_rate"] == alone["success_rate"] and "engines" not in alone
+    assert one["engines"]["sapien"]["success_rate"] == alone["success_rate"]
+    assert (small / "one/engines.csv").read_bytes() == (small / "two/engines.csv").read_bytes()
+    assert (small / "one/index.html").read_text() == (small / "two/index.html").read_text()
+    assert one["engines"]["agreement"]["best"]["grasps"] == 3
+
+
 def executed(run: Path) -> None:
     """What evaluate leaves of the block."""
     results = json.loads((run / "results.json").read_text())

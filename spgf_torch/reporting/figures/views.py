@@ -67,7 +67,7 @@ def worst_view(shown: Sequence[Held]) -> View:
     for held in shown:
         kinds = (("failed", FAILED, ~held.success), ("held", HELD, held.success))
         hands = [_lines(held.sticks[which].reshape(-1, 2, 3), word, colour, 6) for word, colour, which in kinds]
-        traces.append([_mesh(held.mesh), *(hand for hand in hands if hand["x"])])
+        traces.append([solid_trace(held.mesh), *(hand for hand in hands if hand["x"])])
     return View("object", tuple(held.title for held in shown), tuple(traces))
 
 
@@ -136,10 +136,12 @@ def _dots(points: np.ndarray, name: str, colour: str) -> Trace:
     }
 
 
-def _mesh(mesh: trimesh.Trimesh) -> Trace:
+def solid_trace(mesh: trimesh.Trimesh, colour: str = MESH, words: str = "") -> Trace:
+    """A mesh in one colour, with words where the mouse is."""
     i, j, k = mesh.faces.T.tolist()
     light = {"ambient": 0.65, "diffuse": 0.6, "specular": 0.05}
-    look = {"color": MESH, "flatshading": True, "lighting": light, "hoverinfo": "skip"}
+    hover = {"hoverinfo": "text", "text": words} if words else {"hoverinfo": "skip"}
+    look = {"color": colour, "flatshading": True, "lighting": light, **hover}
     return {"type": "mesh3d", **_xyz(mesh.vertices), "i": i, "j": j, "k": k, **look}
 
 
