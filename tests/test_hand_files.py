@@ -89,7 +89,7 @@ def test_what_is_not_there_is_told(value: str, told: str) -> None:
         ("urdf: {a: b}", "urdf: "),
         ("name: x", "urdf: expected a value, got none"),
         ("urdf: ${oc.env:HOME}", "expected a plain value"),
-        ("urdf: a.urdf\njoints: {a: {effort: -3}}", "joints.a.effort: expected a number from 0"),
+        ("urdf: a.urdf\njoints: {a: {effort: -3}}", "joints.a.effort: expected a number from 1e-06"),
         (": [", "expected a hand's description in YAML, got"),
     ],
 )

@@ -157,7 +157,7 @@ def _no_option(words: str) -> str:
     found = re.search(
         r"Could not find '([^']+)/([^/']*)' Available options in '[^']*': (.*?) ?Config search path", words
     )
-    if not found:
+    if not found or "/" in found[1]:
         return ""
     group, got, options = found[1], found[2], found[3].split()
     near = get_close_matches(got, options, 1)

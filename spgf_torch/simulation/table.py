@@ -237,13 +237,9 @@ def compare(path: Path, expected: Provenance, got: Provenance) -> None:
             changed = [name for name in value if value[name] != other.get(name)]
             if changed:
                 key, value, other = f"{key}.{changed[0]}", value[changed[0]], other.get(changed[0])
-        if key == "hand_digest" and value != other:
-            raise InputError(
-                f"{path}: expected trials of the hand that is given, got those of another hand, or of another URDF or "
-                f"description of it (hand={{NAME or FILE}} must be that of simulate)"
-            )
         if value != other:
-            raise InputError(f"{path}: expected trials made with {key} {_short(value)}, got {_short(other)}")
+            which = "; another hand, or another URDF or description of it" if key == "hand_digest" else ""
+            raise InputError(f"{path}: expected trials made with {key} {_short(value)}, got {_short(other)}{which}")
 
 
 def _short(value: Any) -> str:

@@ -368,9 +368,9 @@ def test_evaluate_asks_a_second_engine(small: Path, scanned: Path, monkeypatch: 
     command = [f"objects={scanned}", "random_trials=4", "N=3", "bootstrap=100", "candidates=sampled", "samples=60"]
     found = {}
     for name, more in {
-        "alone": ["workers=1"],
-        "one": ["engine=both", "workers=1"],
-        "two": ["engine=both", "workers=2"],
+        "engines_alone": ["workers=1"],
+        "engines_both": ["engine=both", "workers=1"],
+        "engines_again": ["engine=both", "workers=2"],
     }.items():
         Path(name).mkdir()
         evaluate(typed(EvaluateConfig, composed("evaluate", *command, *more)), Path(name))
@@ -378,8 +378,8 @@ def test_evaluate_asks_a_second_engine(small: Path, scanned: Path, monkeypatch: 
     alone, one, two = found.values()
     assert one["engines"] == two["engines"] and one["success_rate"] == alone["success_rate"] and "engines" not in alone
     assert one["engines"]["sapien"]["success_rate"] == alone["success_rate"]
-    assert (small / "one/engines.csv").read_bytes() == (small / "two/engines.csv").read_bytes()
-    assert (small / "one/index.html").read_text() == (small / "two/index.html").read_text()
+    assert (small / "engines_both/engines.csv").read_bytes() == (small / "engines_again/engines.csv").read_bytes()
+    assert (small / "engines_both/index.html").read_text() == (small / "engines_again/index.html").read_text()
     assert one["engines"]["agreement"]["best"]["grasps"] == 3
 
 

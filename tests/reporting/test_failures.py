@@ -16,12 +16,12 @@ from spgf_torch.hands.hand import load_hand
 from spgf_torch.hands.records import grippers_of
 from spgf_torch.reporting.figures.failures import _held, counted, failures_picture
 from spgf_torch.settings import settings
+from spgf_torch.simulation.execute import codes
 
 
 def executed(words: Sequence[str]) -> Executed:
     best = torch.arange(len(words))
-    success = torch.tensor([word.startswith("success") for word in words])
-    return Executed({"CG": best}, success, torch.ones_like(success), {}, dict(enumerate(words)))
+    return Executed({"CG": best}, codes(words), {}, dict(enumerate(words)))
 
 
 def test_how_grasps_failed_stands_below_them() -> None:

@@ -134,7 +134,7 @@ def test_tables_of_another_hand_object_or_setting_are_refused(tmp_path, table, c
     assert len(read_tables(tmp_path, [PROVENANCE], TYPES)) == 1
     with pytest.raises(InputError) as error:
         read_tables(tmp_path, [replace(PROVENANCE, **change)], TYPES)
-    assert str(error.value).endswith("mug.parquet: " + message)
+    assert "mug.parquet: " + message in str(error.value)
 
 
 def rewritten(path, change):
