@@ -70,7 +70,9 @@ def test_what_a_robot_adds_is_named_only_where_it_is_given() -> None:
 def test_every_rooms_defaults_load(kind: Any) -> None:
     loaded = settings(kind)
     written = OmegaConf.load(CONF / kind.DEFAULTS)
-    extra = {entry.name for entry in fields(kind) if entry.metadata.get(LEFT_OUT)}  # the YAML may say that there is none
+    extra = {
+        entry.name for entry in fields(kind) if entry.metadata.get(LEFT_OUT)
+    }  # the YAML may say that there is none
     named = {entry.name for entry in fields(kind)} - extra
     # The YAML has every key, and no other; a hand what it needs.
     assert set(written) < named if kind is HandConfig else set(written) - extra == named

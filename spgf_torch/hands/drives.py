@@ -19,9 +19,9 @@ from spgf_torch.hands.preshape import Drive
 from spgf_torch.hands.robot import Follow
 
 SHARE = 0.75  # of a joint's effort
-PAD_FORCE = 50.0  # N, of a finger; the Franka Hand's drive presses with as much
+PAD_FORCE = 50.0  # N, of a finger; as the shipped parallel jaw presses
 PLACEHOLDER = 2.0  # N; an effort that gives less at the fingertip, as the WSG 50's URDF with 1 N, is no rating
-STROKE_TIME = 0.8  # s from open to closed; the Franka Hand's, from 80 mm to 0
+STROKE_TIME = 0.8  # s from open to closed; the shipped parallel jaw's, from 80 mm to 0
 LEAD = 0.04  # s
 RELAX = 0.01  # s; damping over stiffness
 MARGIN = 0.3  # s beyond the stroke until the fingers must stand still
