@@ -124,8 +124,8 @@ def test_missing_truncated_and_foreign_files(tmp_path, table):
     [
         (
             {"hand_digest": "x" * 64},
-            "expected trials made with hand_digest xxxxxxxxxxxx..., got hhhhhhhhhhhh...; another hand, or another URDF or "
-            "description of it",
+            "expected trials made with hand_digest xxxxxxxxxxxx..., got hhhhhhhhhhhh...; "
+            "another hand, or another URDF or description of it",
         ),
         ({"object_digest": "x" * 64}, "expected trials made with object_digest xxxxxxxxxxxx..., got dddddddddddd..."),
         ({"episode": {"dt": 0.002, "friction": 0.8}}, "expected trials made with episode.friction 0.8, got 0.6"),
