@@ -84,7 +84,10 @@ def test_a_signal_ends_a_run_in_order(number: int, toy: Path) -> None:
     """Nothing was finished: no folder is left."""
     command = [sys.executable, "toy.py", "seed=1"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    # A shell's background job ignores SIGINT, and what it starts inherits that; a handler does not survive exec.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     with subprocess.Popen(command, cwd=toy, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        signal.signal(signal.SIGINT, before)
         assert process.stdout is not None and process.stderr is not None
         while not process.stdout.readline().startswith(b"started"):
             if process.poll() is not None:
