@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
+from spgf_torch.hands.fingers import triangle_tree
 from spgf_torch.hands.preshape import Drive, Preshape
 from spgf_torch.hands.robot import Robot
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.second_engine.config import MujocoConfig
 from spgf_torch.simulation.fingers import moving_joints
-from spgf_torch.simulation.precheck import tree, trees_touch
+from spgf_torch.simulation.precheck import trees_touch
 
 if TYPE_CHECKING:
     from spgf_torch.simulation.config import EpisodeConfig
@@ -119,7 +120,7 @@ class ModelMaker:
         for shape, link in zip(self.preshape.shapes, self.preshape.shape_links, strict=True):
             if name := finger.get(link):
                 shapes.setdefault(name, []).append(shape)
-        trees = {name: tree(meshes) for name, meshes in shapes.items()}
+        trees = {name: triangle_tree(meshes) for name, meshes in shapes.items()}
         apart = {frozenset(pair) for pair in combinations(trees, 2) if not trees_touch(*(trees[k] for k in pair))}
         with_shapes = [body.name for body in self.spec.bodies if body.geoms]
         for a, b in combinations(with_shapes, 2):

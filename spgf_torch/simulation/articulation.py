@@ -17,10 +17,11 @@ import numpy as np
 import trimesh
 
 from spgf_torch.errors import InputError
+from spgf_torch.hands.fingers import triangle_tree
 from spgf_torch.hands.preshape import Preshape
 from spgf_torch.hands.robot import Robot
 from spgf_torch.simulation.fingers import moving_joints
-from spgf_torch.simulation.precheck import tree, trees_touch
+from spgf_torch.simulation.precheck import trees_touch
 
 with warnings.catch_warnings():
     warnings.filterwarnings("ignore", message=".*libvulkan.*")
@@ -219,7 +220,7 @@ def _part(links: list[_Link], preshape: Preshape) -> None:
     for shape, name in zip(preshape.shapes, preshape.shape_links, strict=True):
         if name in of_link:
             shapes[of_link[name]].append(shape)
-    trees = [tree(meshes) if meshes else None for meshes in shapes]
+    trees = [triangle_tree(meshes) if meshes else None for meshes in shapes]
     overlapping = [pair for pair in combinations(range(count), 2) if trees_touch(*(trees[k] for k in pair))]
     bits = [1 << k for k in range(count)]
     for bit, pair in enumerate(overlapping, count):

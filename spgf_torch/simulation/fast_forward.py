@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING
 import fcl
 import numpy as np
 
+from spgf_torch.hands.fingers import triangle_tree
 from spgf_torch.simulation.articulation import HandBuilder, physx, sapien
 from spgf_torch.simulation.config import EpisodeConfig
 from spgf_torch.simulation.episode import configure
 from spgf_torch.simulation.fingers import Begun, Fingers
-from spgf_torch.simulation.precheck import PreCheck, hull, tree
+from spgf_torch.simulation.precheck import PreCheck, hull
 
 if TYPE_CHECKING:
     from spgf_torch.hands.hand import Hand
@@ -109,7 +110,7 @@ def _made(key: _Key) -> FastForward:
 def _stretch(before: list[np.ndarray], after: list[np.ndarray]) -> _Stretch:
     passed = [hull(np.concatenate(pair)) for pair in zip(before, after, strict=True)]
     corners = np.concatenate([np.asarray(mesh.vertices)[np.unique(mesh.faces)] for mesh in passed])
-    return _Stretch(fcl.CollisionObject(tree(passed)), corners)
+    return _Stretch(fcl.CollisionObject(triangle_tree(passed)), corners)
 
 
 def _moved(T: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 
+from spgf_torch.hands.fingers import triangle_tree
 from spgf_torch.hands.preshape import Preshape
 from spgf_torch.objects.grasp_object import GraspObject
 
@@ -22,9 +23,9 @@ class PreCheck:
 
     def __init__(self, obj: GraspObject, preshape: Preshape, way: float = 0.0) -> None:
         """`way`: m that the hand has come straight along its approach; all that it swept counts."""
-        self._object = fcl.CollisionObject(tree([hull(part) for part in obj.parts]))
+        self._object = fcl.CollisionObject(triangle_tree([hull(part) for part in obj.parts]))
         shapes = [_swept(shape, way) for shape in preshape.shapes] if way else list(preshape.shapes)
-        self._hand = fcl.CollisionObject(tree(shapes))
+        self._hand = fcl.CollisionObject(triangle_tree(shapes))
         self._request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
 
     def collides(self, T_object_tcp: np.ndarray) -> bool:
@@ -70,16 +71,6 @@ def _swept(shape: trimesh.Trimesh, way: float) -> trimesh.Trimesh:
 def hull(points: np.ndarray) -> trimesh.Trimesh:
     """The convex hull of points (V, 3), all of which stay vertices."""
     return trimesh.Trimesh(points, ConvexHull(points).simplices, process=False)
-
-
-def tree(meshes: list[trimesh.Trimesh]) -> fcl.BVHModel:
-    """The triangles of all meshes, as FCL searches them."""
-    mesh: trimesh.Trimesh = trimesh.util.concatenate(meshes)  # type: ignore[assignment]
-    model = fcl.BVHModel()
-    model.beginModel(len(mesh.faces), len(mesh.vertices))
-    model.addSubModel(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int32))
-    model.endModel()
-    return model
 
 
 def trees_touch(first: fcl.BVHModel | None, second: fcl.BVHModel | None) -> bool:
