@@ -35,6 +35,10 @@ def run(config: EvaluateConfig, folder: Path) -> None:
         needed(f"engine: {config.engine}", "mujoco")
         if config.episode.robot is not None:
             raise InputError(f"engine: expected sapien with the robot's episode, got {config.engine}")
+    if config.draws > 1 and config.episode.robot is None:
+        raise InputError(
+            f"draws: expected 1 with an episode that draws nothing, got {config.draws}; episode=robot does"
+        )
     config = _resolved(config)
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
@@ -42,11 +46,8 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.evaluation.executed import executed_results
     from spgf_torch.evaluation.files import write_json
     from spgf_torch.evaluation.tables import executed_table
-    from spgf_torch.experiment.execution import execute_best
-    from spgf_torch.files.writing import write_bytes
+    from spgf_torch.experiment.execution import execute_best, execute_draws
     from spgf_torch.hands.hand import load_hand
-    from spgf_torch.hands.records import grippers_of
-    from spgf_torch.reporting.figures.failures import failures_picture
     from spgf_torch.simulation.execute import Trials
 
     check_device(config.device)
@@ -67,17 +68,17 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     trials = Trials(load_hand(config.hand), config.episode)
     by_engine = execute_best(objects, grasps, scores, trials, config, stages)
     executed = next(iter(by_engine.values()))
+    further = execute_draws(objects, grasps, scores, trials, config, stages) if config.draws > 1 else []
     results = executed_results(outcomes_of(objects, executed, each), config)
     results |= {"learned_from": known, **_judged(executed, scores, config), **_ended(executed, config)}
     told: list[Any] = [executed_table(results), *doubts]
     if len(by_engine) > 1:
         told += _both_engines(objects, grasps, by_engine, trials.hand, config, folder, results)
-    failures = failures_picture(objects, grasps, executed, grippers_of(trials.hand))
-    if failures:
-        write_bytes(folder / "failures.png", failures)
+    if further:
+        told += _in_draws(objects, [executed, *further], config, results)
+    told.append(_failures(objects, grasps, [executed, *further], trials.hand, folder))
     write_json(folder / "results.json", results)
-    pictured = "failures.png shows the CG grasps that failed" if failures else "no CG grasp failed: no picture"
-    for content in (*told, f"results and settings in {folder}; {pictured}"):
+    for content in (*told, f"results and settings in {folder}"):
         show(content)
 
 
@@ -125,6 +126,49 @@ def _both_engines(
     else:
         told.append(f"no page, for which {remedy('plotly')} is needed")
     return told
+
+
+def _in_draws(
+    objects: Sequence[GraspObject],
+    by_draw: Sequence[Sequence[Executed]],
+    config: EvaluateConfig,
+    results: dict[str, Any],
+) -> list[Any]:
+    """Add to `results` in which share of the draws the best grasps hold; return what to show."""
+    from spgf_torch.evaluation.draws import draw_results
+    from spgf_torch.evaluation.tables import draws_table
+
+    results["robustness"] = found = draw_results(objects, by_draw, config)
+    return [draws_table(found, config.N)]
+
+
+def _failures(
+    objects: Sequence[GraspObject],
+    grasps: Sequence[Grasps],
+    by_draw: Sequence[Sequence[Executed]],
+    hand: Hand,
+    folder: Path,
+) -> str:
+    """Write picture and page of the best CG grasps that failed, in any draw; return a line about them."""
+    from spgf_torch.evaluation.endings import failed_grasps
+    from spgf_torch.files.writing import write_bytes, write_text
+    from spgf_torch.hands.records import grippers_of
+    from spgf_torch.reporting.figures.failures import failures_picture, failures_shown
+    from spgf_torch.reporting.pages.failures_page import failures_page
+
+    grippers = grippers_of(hand)
+    failed = failed_grasps(objects, grasps, by_draw, sorted(grippers))
+    if not failed:
+        return "no CG grasp failed: no picture"
+    shown, told = failures_shown(objects, grasps, by_draw[0], grippers), []
+    if shown:
+        write_bytes(folder / "failures.png", failures_picture(shown))
+        told.append("failures.png shows the CG grasps that failed")
+    if not installed("plotly"):
+        return "; ".join([*told, f"no page of them, for which {remedy('plotly')} is needed"])
+    trials = sum(len(ran.best["CG"]) for executed in by_draw for ran in executed)
+    write_text(folder / "failures.html", failures_page(failed, trials, shown))
+    return "; ".join([*told, "failures.html says of each why"])
 
 
 def _resolved(config: EvaluateConfig) -> EvaluateConfig:

@@ -177,6 +177,23 @@ def executed_table(results: Mapping[str, Any]) -> Table:
     return table
 
 
+def draws_table(found: Mapping[str, Any], n: int) -> Table:
+    """Per object: in which share of the draws the best grasps hold, of each type and CG; found: `draw_results`."""
+    types = [name for name in found["success_rate"]["all"] if name != ALL]
+    table = Table(title=f"The {n} highest-ranked grasps in {found['draws']} draws: held (%)")
+    table.add_column("object")
+    for name in (*types, ALL, f"{ALL} in all draws"):
+        table.add_column(name, justify="right")
+    for row in found["per_object"]:
+        table.add_row(row["object"], *(f"{100 * row[name]:.1f}" for name in (*types, ALL, "all_draws")))
+    table.add_section()
+    means = [*(found["success_rate"]["all"][name] for name in (*types, ALL)), found["all_draws"]]
+    table.add_row("all", *(f"{100 * rate:.1f}" for rate in means))
+    low, high = found["interval95"]["all"][ALL]
+    table.caption = f"CG, all: 95 % interval over objects {100 * low:.0f} to {100 * high:.0f} %"
+    return table
+
+
 def engines_table(engines: Mapping[str, Any], n: int) -> Table:
     """Per object: the best grasps (CG) that each engine and both held, in percent, and on how many they disagree."""
     table = Table(title=f"The {n} highest-ranked grasps (CG) in two engines: held (%)")

@@ -68,6 +68,7 @@ class EvaluateConfig(ObjectsConfig):
     random_trials: int = bounded(1, 1_000_000)
     ranking: str = choice(*RANKINGS)
     engine: str = choice("sapien", "mujoco", "both")
+    draws: int = bounded(1, 1000)
     bootstrap: int = bounded(100, 1_000_000)
     seed: int = bounded(0, 2**31 - 1)
     device: str = text()

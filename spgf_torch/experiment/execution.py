@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -122,6 +122,28 @@ def execute_best(
                 ended[i] |= zip(which.tolist(), words, strict=True)
         executed[engine] = [Executed(*row) for row in zip(best, outcome, random, ended, strict=True)]
     return executed
+
+
+def execute_draws(
+    objects: Sequence[GraspObject],
+    grasps: Sequence[Grasps],
+    score: Sequence[Tensor],
+    trials: Trials,
+    config: EvaluateConfig,
+    stages: ProgressReporter,
+) -> list[list[Executed]]:
+    """Execute the N best grasps of each type in the draws after the episode's own, `config.draws` with that one.
+
+    Returns for each further draw what became of every object's grasps; no random sample. `episode.robot` is set.
+    """
+    assert trials.episode.robot is not None
+    robot, best_alone = trials.episode.robot, replace(config, random_trials=0)
+    found = []
+    for number in range(robot.draw + 1, robot.draw + config.draws):
+        drawn = replace(trials, episode=replace(trials.episode, robot=replace(robot, draw=number)))
+        (executed,) = execute_best(objects, grasps, score, drawn, best_alone, stages).values()
+        found.append(executed)
+    return found
 
 
 def _told(advance: Callable[[int], None], name: str, done: int) -> None:

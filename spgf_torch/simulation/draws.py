@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,12 +43,28 @@ class StablePoses:
 
     @staticmethod
     def of(obj: GraspObject) -> StablePoses:
-        """Of the hull of its collision pieces, by quasi-static toppling (trimesh: Goldberg et al., IJRR 1999)."""
-        points = np.concatenate(obj.parts)
-        hull = trimesh.convex.convex_hull(points)
-        T_table_object, share = trimesh.poses.compute_stable_poses(hull, obj.com, sigma=0, n_samples=1, threshold=0)
-        up = np.ascontiguousarray(T_table_object[:, 2, :3])
-        return StablePoses(up, (points @ up.T).min(axis=0), share / share.sum())
+        """Of the hull of its collision pieces, by quasi-static toppling (trimesh: Goldberg et al., IJRR 1999).
+
+        The same for all grasp types: found once for each of the last objects.
+        """
+        return _toppled(_Key(obj.digest, obj))
+
+
+@dataclass(frozen=True)
+class _Key:
+    """`digest` stands for the object."""
+
+    digest: str
+    obj: GraspObject = field(compare=False)
+
+
+@lru_cache(maxsize=8)
+def _toppled(key: _Key) -> StablePoses:
+    points = np.concatenate(key.obj.parts)
+    hull = trimesh.convex.convex_hull(points)
+    T_table_object, share = trimesh.poses.compute_stable_poses(hull, key.obj.com, sigma=0, n_samples=1, threshold=0)
+    up = np.ascontiguousarray(T_table_object[:, 2, :3])
+    return StablePoses(up, (points @ up.T).min(axis=0), share / share.sum())
 
 
 @dataclass(frozen=True)

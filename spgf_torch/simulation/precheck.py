@@ -21,11 +21,9 @@ class PreCheck:
     Surfaces suffice: the hand is too large to lie inside a part, and a part too large to lie inside one of its links.
     """
 
-    def __init__(self, obj: GraspObject, preshape: Preshape, way: float = 0.0) -> None:
-        """`way`: m that the hand has come straight along its approach; all that it swept counts."""
+    def __init__(self, obj: GraspObject, preshape: Preshape) -> None:
         self._object = fcl.CollisionObject(triangle_tree([hull(part) for part in obj.parts]))
-        shapes = [_swept(shape, way) for shape in preshape.shapes] if way else list(preshape.shapes)
-        self._hand = fcl.CollisionObject(triangle_tree(shapes))
+        self._hand = fcl.CollisionObject(triangle_tree(preshape.shapes))
         self._request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
 
     def collides(self, T_object_tcp: np.ndarray) -> bool:
@@ -43,15 +41,16 @@ class ApproachCheck:
     """What a hand that comes straight along its approach meets, by geometry alone."""
 
     def __init__(self, obj: GraspObject, preshape: Preshape, way: float) -> None:
-        self.there, self._swept = PreCheck(obj, preshape), PreCheck(obj, preshape, way)
+        """`way`: m that the hand comes; all that it sweeps counts."""
+        self.there, self._way = PreCheck(obj, preshape), way
+        self._swept = fcl.CollisionObject(triangle_tree([_swept(shape, way) for shape in preshape.shapes]))
         self._points = np.concatenate([np.asarray(shape.vertices) for shape in preshape.shapes])
-        self._way = way
 
     def met(self, T_object_tcp: np.ndarray, up: np.ndarray, height: float | None) -> str | None:
         """One of `label.CAUSES`, or None; the table is all below `height` (m) along `up` (3,), None: there is none."""
         if height is not None and self._lowest(T_object_tcp, up) < height:
             return "object" if self.there.collides(T_object_tcp) else "table"
-        if not self._swept.collides(T_object_tcp):
+        if not self.there.cuts(self._swept, T_object_tcp):
             return None
         return "object" if self.there.collides(T_object_tcp) else "way"
 

@@ -14,7 +14,7 @@ from spgf_torch.experiment.execution import Executed
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.hands.records import grippers_of
-from spgf_torch.reporting.figures.failures import _held, counted, failures_picture
+from spgf_torch.reporting.figures.failures import _held, counted, failures_picture, failures_shown
 from spgf_torch.settings import settings
 from spgf_torch.simulation.execute import codes
 
@@ -32,8 +32,9 @@ def test_how_grasps_failed_stands_below_them() -> None:
     grippers = grippers_of(load_hand(settings(HandConfig)))
     held = _held(obj, grasps, ran, [torch.zeros(1, 2, 3).numpy()] * 2)
     assert held.title == "box: 1 of 4 held" and held.note == "2 rotated (turn), 1 dropped"
-    picture = failures_picture([obj], [grasps], [ran], grippers)
-    assert picture is not None and min(Image.open(io.BytesIO(picture)).size) > 100
-    assert failures_picture([obj], [grasps], [executed(["success/held/none/9/"] * 4)], grippers) is None
+    shown = failures_shown([obj], [grasps], [ran], grippers)
+    assert [its.title for its in shown] == [held.title]
+    assert min(Image.open(io.BytesIO(failures_picture(shown))).size) > 100
+    assert failures_shown([obj], [grasps], [executed(["success/held/none/9/"] * 4)], grippers) == []
     many = counted({f"dropped (lift, without finger_{k}_tip)": 1 for k in range(4)})
     assert many.count("\n") == 1 and many.endswith(" ...") and max(map(len, many.split("\n"))) <= 46

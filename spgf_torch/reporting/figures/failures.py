@@ -22,13 +22,13 @@ MOST = 6  # objects in the picture: two rows
 LINE, LINES = 46, 2  # characters of a line below an object, and lines: its panel is 2.7 inches wide
 
 
-def failures_picture(
+def failures_shown(
     objects: Sequence[GraspObject],
     grasps: Sequence[Grasps],
     executed: Sequence[Executed],
     grippers: Mapping[str, Gripper],
-) -> bytes | None:
-    """A PNG of the objects with the lowest rate of their best grasps (CG): failed ones red; None where all held.
+) -> list[Held]:
+    """The objects with the lowest rate of their best grasps (CG), with these; none where all held.
 
     grippers: grasp type -> the open hand; the codes of `grasps` count the types sorted by name.
     """
@@ -36,9 +36,12 @@ def failures_picture(
     rows = list(zip(objects, grasps, executed, strict=True))
     failing = [row for row in rows if row[2].rate(row[2].best["CG"]) < 1 and len(row[2].best["CG"])]
     failing.sort(key=lambda row: (row[2].rate(row[2].best["CG"]), row[0].name))
-    if not failing:
-        return None
-    return png(drawn(worst([_held(*row, sticks) for row in failing[:MOST]], "the ranking that was executed")))
+    return [_held(*row, sticks) for row in failing[:MOST]]
+
+
+def failures_picture(shown: Sequence[Held]) -> bytes:
+    """A PNG of these objects: failed grasps red."""
+    return png(drawn(worst(shown, "the ranking that was executed")))
 
 
 def _held(obj: GraspObject, grasps: Grasps, executed: Executed, sticks: Sequence[np.ndarray]) -> Held:

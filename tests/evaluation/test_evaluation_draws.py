@@ -1,0 +1,102 @@
+"""The best grasps in several draws, and those that failed: shares and rows by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import torch
+from rich.console import Console
+from trial_objects import box, can
+
+from spgf_torch.evaluation.draws import draw_results
+from spgf_torch.evaluation.endings import Failed, failed_grasps
+from spgf_torch.evaluation.tables import draws_table
+from spgf_torch.experiment.config import EvaluateConfig
+from spgf_torch.experiment.describe import Grasps
+from spgf_torch.experiment.execution import Executed
+from spgf_torch.reporting.pages.failures_page import failures_page
+from spgf_torch.simulation.execute import codes
+from spgf_torch.simulation.label import Label
+
+CONFIG = EvaluateConfig(N=2, bootstrap=200, seed=0)
+HELD, SHAKEN, TURNED = "success/held/none/9/", "dropped/shake/none/0/left_tip", "rotated/turn/none/3.25/"
+BEST = {"NPG": torch.tensor([0, 2]), "WPG": torch.tensor([1]), "CG": torch.tensor([2, 1])}
+NONE = {name: torch.tensor([], dtype=torch.int64) for name in BEST}
+OBJECTS = [replace(box((0.04, 0.06, 0.1)), name="a", category="boxes"), replace(can(), name="b", category="curved")]
+
+
+def ran(*words: str, best: dict[str, torch.Tensor] = BEST) -> Executed:
+    return Executed(best, codes(words), {}, dict(enumerate(words)))
+
+
+# Of three draws on object a, and of one grasp of a type without another on b, which holds always.
+ONE = {"NPG": torch.tensor([0]), "WPG": NONE["WPG"], "CG": torch.tensor([0])}
+BY_DRAW = [
+    [ran(HELD, HELD, SHAKEN), ran(HELD, best=ONE)],
+    [ran(SHAKEN, HELD, HELD), ran(HELD, best=ONE)],
+    [ran(SHAKEN, TURNED, HELD), ran(HELD, best=ONE)],
+]
+
+
+def results() -> dict[str, Any]:
+    return draw_results(OBJECTS, BY_DRAW, CONFIG)
+
+
+def test_shares_by_hand() -> None:
+    """Object a: NPG (1 + 1 + 1) / 6, WPG 2 / 3, CG (1 + 2 + 1) / 6; of its two CG grasps neither holds always."""
+    found = results()
+    first, second = found["per_object"]
+    assert (first["object"], first["class"]) == ("a", "boxes") and found["draws"] == 3
+    assert [first[name] for name in ("NPG", "WPG", "CG", "all_draws")] == pytest.approx([1 / 2, 2 / 3, 2 / 3, 0])
+    assert [second[name] for name in ("NPG", "WPG", "CG", "all_draws")] == [1, 0, 1, 1]
+    assert found["success_rate"]["all"]["CG"] == pytest.approx(5 / 6) and found["all_draws"] == 0.5
+    assert found["success_rate"]["boxes"]["CG"] == pytest.approx(2 / 3)
+    assert found["by_draw"] == pytest.approx([0.75, 1, 0.75])
+    assert found["top1"] == pytest.approx((2 / 3 + 1) / 2)  # grasp 2 fails in the first draw
+    assert found["top_N"] == pytest.approx((4 / 6 + 3 / 6) / 2)  # b has one grasp of two
+    assert found["failures"] == {"dropped (shake, without left_tip)": 1, "rotated (turn)": 1}
+    low, high = found["interval95"]["all"]["CG"]
+    assert low == high == pytest.approx(5 / 6)  # one object a class: it is drawn again each time
+
+
+def test_the_table_shows_them() -> None:
+    console = Console(width=100, record=True)
+    console.print(draws_table(results(), 2))
+    shown = console.export_text()
+    assert "2 highest-ranked grasps in 3 draws" in shown and "CG in all draws" in shown
+    (row,) = [line for line in shown.splitlines() if " a " in line]
+    assert [word for word in row.split() if word[0].isdigit()] == ["50.0", "66.7", "66.7", "0.0"]
+
+
+def test_without_any_grasp_nothing_holds() -> None:
+    nothing = [[ran(HELD, best=NONE), ran(HELD, best=NONE)]] * 2
+    found = draw_results(OBJECTS, nothing, CONFIG)
+    assert found["top1"] == found["top_N"] == found["all_draws"] == found["success_rate"]["all"]["CG"] == 0
+    assert found["by_draw"] == [0, 0] and found["failures"] == {}
+
+
+def test_failed_grasps_by_draw_and_rank() -> None:
+    """CG ranks grasp 2 before 1."""
+    grasps = [Grasps(torch.eye(4).expand(n, 4, 4), torch.tensor(types)) for n, types in ((3, [0, 1, 0]), (1, [0]))]
+    failed = failed_grasps(OBJECTS, grasps, BY_DRAW, ("NPG", "WPG"))
+    assert failed == [
+        Failed("a", 0, 1, "NPG", Label.of(SHAKEN)),
+        Failed("a", 2, 2, "WPG", Label.of(TURNED)),
+    ]
+
+
+def test_the_page_says_why() -> None:
+    """Phase, cause, force and fingers of each; of an episode without causes the outcome alone."""
+    pytest.importorskip("plotly")
+    label = Label("missed", "lift", "one_side", 1.26, "left_tip+left_pad")
+    page = failures_page([Failed("<a>", 2, 7, "WPG", label), Failed("b", 0, 1, "NPG", Label("slipped"))], 40, [])
+    rows = [line for line in page.splitlines() if line.startswith("<tr><td")]
+    assert "2 of 40 trials" in page and '<section id="where">' not in page
+    cells = [row.replace('<td class="words">', "<td>").replace("</tr>", "").split("<td>")[1:] for row in rows]
+    each = [[cell.removesuffix("</td>") for cell in row] for row in cells if len(row) > 2]
+    assert each == [
+        ["&lt;a&gt;", "2", "7", "WPG", "missed", "lift", "one side", "1.3", "left_tip, left_pad"],
+        ["b", "0", "1", "NPG", "slipped", "", "", "", ""],
+    ]
