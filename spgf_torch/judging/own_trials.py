@@ -28,7 +28,9 @@ from spgf_torch.judging.training_rows import PICKED, Chosen
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.settings import plain
-from spgf_torch.simulation.execute import versions
+from spgf_torch.simulation.causes import CAUSE_COLUMNS, Causes, has_causes
+from spgf_torch.simulation.execute import codes, versions
+from spgf_torch.simulation.label import Label
 from spgf_torch.simulation.table import (
     COLUMNS,
     MOST_ROWS,
@@ -89,6 +91,7 @@ class OwnTrials:
         round (M,) int64: from 1. cloud (M,), rank (M,) int64, probability (M,) f32: as in `rows.Chosen`.
         versions: package -> version that made it.
         grasp_types: names of the hand's grasp types.
+        causes: why each ended; None of an episode that does not know.
     """
 
     provenance: OwnProvenance
@@ -102,6 +105,7 @@ class OwnTrials:
     probability: Tensor
     versions: dict[str, str]
     grasp_types: tuple[str, ...]
+    causes: Causes | None = None
 
     @staticmethod
     def of(provenance: OwnProvenance, chosen: Chosen, number: int, grasp_types: tuple[str, ...]) -> OwnTrials:
@@ -113,17 +117,23 @@ class OwnTrials:
         said = chosen.cloud, chosen.rank, chosen.probability
         return OwnTrials(provenance, *columns, *said, versions(), grasp_types)
 
+    def ended(self, words: Sequence[str]) -> OwnTrials:
+        """The same, now tried; words: how each ended (`label.Label`)."""
+        causes = Causes.of([Label.of(word) for word in words]) if has_causes(self.provenance.episode) else None
+        return replace(self, outcome=codes(words), causes=causes)
+
     @staticmethod
     def together(parts: Sequence[OwnTrials]) -> OwnTrials:
         """Rounds of one object, one after the other."""
         columns: Any = {name: torch.cat([getattr(part, name) for part in parts]) for name in _COLUMNS}
-        return replace(parts[0], **columns)
+        causes = Causes.together([part.causes for part in parts if part.causes]) if parts[0].causes else None
+        return replace(parts[0], **columns, causes=causes)
 
     def at_round(self, number: int) -> OwnTrials:
         """Those of one round."""
         at = self.round == number
         columns: Any = {name: getattr(self, name)[at] for name in _COLUMNS}
-        return replace(self, **columns)
+        return replace(self, **columns, causes=self.causes and self.causes.at(at))
 
     @property
     def chosen(self) -> Chosen:
@@ -132,12 +142,13 @@ class OwnTrials:
         return Chosen(poses, self.cloud, self.rank, self.probability)
 
 
-_COLUMNS = [part.name for part in fields(OwnTrials) if part.name not in ("provenance", "versions", "grasp_types")]
+_WHOLE = ("provenance", "versions", "grasp_types", "causes")
+_COLUMNS = [part.name for part in fields(OwnTrials) if part.name not in _WHOLE]
 
 
 def write_own(folder: Path, own: OwnTrials) -> None:
     """Write the table of an object into `folder`, with its seal, atomically."""
-    columns = columns_of(own)
+    columns = columns_of(own) | (own.causes.columns() if own.causes else {})
     columns |= {name: getattr(own, name).numpy().astype(kind) for name, kind in WHOLE.items()}
     columns["probability"] = own.probability.numpy()
     about = {"schema": SCHEMA, "origin": asdict(own.provenance), "versions": own.versions}
@@ -163,7 +174,7 @@ def _read(path: Path, grasp_types: tuple[str, ...]) -> OwnTrials:
             f"{path}: expected {WHAT}, got no such file; make it: python -m spgf_torch.judge leaves own_trials/"
         )
     check_seal(path, WHAT)
-    content = parquet_table(path, WHAT, (*COLUMNS, *WHOLE, "probability"), MOST_ROWS)
+    content = parquet_table(path, WHAT, (*COLUMNS, *WHOLE, "probability", *CAUSE_COLUMNS), MOST_ROWS)
     try:
         own = _decoded(path, content, grasp_types)
     except InputError:
@@ -180,8 +191,9 @@ def _decoded(path: Path, content: pa.Table, grasp_types: tuple[str, ...]) -> Own
     if about.get("schema") != SCHEMA:
         raise InputError(f"{path}: expected {WHAT}, of schema {SCHEMA}, got {about.get('schema', 'another file')}")
     whole = {name: torch.from_numpy(content[name].to_numpy().astype(np.int64)) for name in WHOLE}
+    provenance = OwnProvenance(**about["origin"])
     return OwnTrials(
-        provenance=OwnProvenance(**about["origin"]),
+        provenance=provenance,
         position=floats(content, POSITION),
         quaternion=floats(content, QUATERNION),
         grasp_type=codes_in(path, content, "type", grasp_types),
@@ -189,6 +201,7 @@ def _decoded(path: Path, content: pa.Table, grasp_types: tuple[str, ...]) -> Own
         probability=floats(content, ("probability",))[:, 0],
         versions=about["versions"],
         grasp_types=grasp_types,
+        causes=Causes.read(path, content) if has_causes(provenance.episode) else None,
         **whole,
     )
 

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
+import torch
 from torch import Tensor
 
 from spgf_torch.cache import Cache, code_fingerprint, fingerprint
 from spgf_torch.errors import IncompleteError
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.settings import plain
-from spgf_torch.simulation.execute import TrialError, Trials, execute, versions
+from spgf_torch.simulation.execute import TrialError, Trials, execute_words, versions
 from spgf_torch.simulation.executors import Executor
 from spgf_torch.simulation.worker import physics
 
 # Of entries of the cache.
-KIND = "outcomes"
+KIND = "endings"
 # Object, grasp type, T_object_tcp (M, 4, 4).
 Request = tuple[GraspObject, str, Tensor]
 
@@ -27,31 +28,42 @@ def tried(
     executor: Callable[[], Executor],
     cache: Cache,
     progress: Callable[[int], None] = lambda done: None,
-) -> list[Tensor]:
-    """For each request the outcomes (M,) int64, codes into `trials.table.OUTCOMES`; `executor` is called if any is new.
+) -> list[list[str]]:
+    """For each request how each grasp ended, words of `label.Label`; `executor` is called if any is new.
 
-    The outcomes of a request are kept in `cache` when they are known. Raises IncompleteError where a trial has none.
+    What a request came to is kept in `cache` when it is known. Raises IncompleteError where a trial has no outcome.
     """
     common = (trials.hand.digest, plain(trials.episode), versions(), code_fingerprint(physics.__module__))
     keys = [fingerprint(obj.digest, kind, T, *common) for obj, kind, T in requests]
 
     def again(request: Request) -> dict[str, Tensor]:
         """Of one whose entry is damaged."""
-        return {"outcome": next(execute([request], trials, executor()))}
+        return _packed(next(execute_words([request], trials, executor())))
 
-    found: dict[str, Tensor] = {}
+    found: dict[str, list[str]] = {}
     for key, request in zip(keys, requests, strict=True):
         if cache.holds(KIND, key):
-            found[key] = cache.tensors(KIND, key, partial(again, request))["outcome"]
+            found[key] = _words(cache.tensors(KIND, key, partial(again, request)))
             progress(len(request[2]))
     missing = [(key, request) for key, request in zip(keys, requests, strict=True) if key not in found]
     if not missing:
         return [found[key] for key in keys]
-    outcomes = execute([request for _, request in missing], trials, executor(), lambda _, done: progress(done))
+    ended = execute_words([request for _, request in missing], trials, executor(), lambda _, done: progress(done))
     try:
-        for (key, _), codes in zip(missing, outcomes, strict=True):
-            found[key] = cache.tensors(KIND, key, partial(dict, outcome=codes))["outcome"]
+        for (key, _), words in zip(missing, ended, strict=True):
+            found[key] = _words(cache.tensors(KIND, key, partial(_packed, words)))
     except TrialError as error:
         kept = "the same call goes on from there" if cache.folder else "cache=FOLDER would have kept what had ended"
         raise IncompleteError(f"a trial without an outcome: {error}; {kept}") from error
     return [found[key] for key in keys]
+
+
+def _packed(words: Sequence[str]) -> dict[str, Tensor]:
+    """Words without line breaks as an entry of the cache, which holds tensors."""
+    return {
+        "ended": torch.frombuffer(bytearray("".join(f"{word}\n" for word in ["", *words]).encode()), dtype=torch.uint8)
+    }
+
+
+def _words(entry: Mapping[str, Tensor]) -> list[str]:
+    return entry["ended"].numpy().tobytes().decode().split("\n")[1:-1]

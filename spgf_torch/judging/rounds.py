@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -23,7 +23,7 @@ from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.sampling import non_maximum_suppression
-from spgf_torch.simulation.execute import Trials, provenance_of, sample, table_of
+from spgf_torch.simulation.execute import Trials, ended_table, provenance_of, sample
 from spgf_torch.simulation.executors import Executor
 from spgf_torch.simulation.table import TrialTable, pose_matrix
 from spgf_torch.threads import in_parts
@@ -51,8 +51,8 @@ def random_tables(objects: Sequence[GraspObject], shop: Workshop) -> list[TrialT
     provenances = [provenance_of(obj, shop.trials, config.sampler, config.candidates, config.seed) for obj in objects]
     poses = [sample(obj, its, shop.trials.samplers) for obj, its in zip(objects, provenances, strict=True)]
     sampled = [Hypotheses(pose_matrix(each.position, each.quaternion), each.grasp_type) for each in poses]
-    outcomes = _tried(objects, sampled, shop)
-    return [table_of(*parts) for parts in zip(provenances, poses, outcomes, strict=True)]
+    ended = _tried(objects, sampled, shop)
+    return [ended_table(*parts) for parts in zip(provenances, poses, ended, strict=True)]
 
 
 def random_rows(benches: Sequence[Bench], tables: Sequence[TrialTable], shop: Workshop) -> Rows:
@@ -77,8 +77,8 @@ def own_round(
         chosen = choose(bench, judges[int(fold[bench.index])], number, shop.config, shop.search)
         provenance = OwnProvenance.of(bench.obj, shop.trials, shop.config)
         drafts.append(OwnTrials.of(provenance, chosen, number, shop.trials.grasp_types))
-    outcomes = _tried([bench.obj for bench in benches], [draft.chosen.poses for draft in drafts], shop)
-    return [replace(draft, outcome=outcome) for draft, outcome in zip(drafts, outcomes, strict=True)]
+    ended = _tried([bench.obj for bench in benches], [draft.chosen.poses for draft in drafts], shop)
+    return [draft.ended(words) for draft, words in zip(drafts, ended, strict=True)]
 
 
 def own_rows(benches: Sequence[Bench], own: Sequence[OwnTrials], number: int, shop: Workshop) -> Rows:
@@ -117,21 +117,22 @@ def _rows(
         return Rows.together([(advance(1), rows)[1] for rows in work])
 
 
-def _tried(objects: Sequence[GraspObject], poses: Sequence[Hypotheses], shop: Workshop) -> list[torch.Tensor]:
-    """The outcomes (M,) int64 of each object's poses."""
+def _tried(objects: Sequence[GraspObject], poses: Sequence[Hypotheses], shop: Workshop) -> list[list[str]]:
+    """How each of each object's poses ended: words of `label.Label`."""
     requests, where = [], []
     for index, (obj, its) in enumerate(zip(objects, poses, strict=True)):
         for code, kind in enumerate(shop.trials.grasp_types):
             which = (its.grasp_type == code).nonzero()[:, 0]
             if len(which):
                 requests.append((obj, kind, its.T[which]))
-                where.append((index, which))
+                where.append((index, which.tolist()))
     with shop.stages.stage("trials", sum(map(len, poses)), "grasps") as advance:
         ended = tried(requests, shop.trials, shop.executor, shop.cache, advance)
-    outcomes = [torch.zeros(len(its), dtype=torch.int64) for its in poses]
-    for (index, which), codes in zip(where, ended, strict=True):
-        outcomes[index][which] = codes
-    return outcomes
+    found = [[""] * len(its) for its in poses]
+    for (index, which), words in zip(where, ended, strict=True):
+        for place, word in zip(which, words, strict=True):
+            found[index][place] = word
+    return found
 
 
 def _first(grasp_type: torch.Tensor, count: int) -> torch.Tensor:

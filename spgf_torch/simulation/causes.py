@@ -53,6 +53,20 @@ class Causes:
             fingers=fingers,
         )
 
+    @staticmethod
+    def together(parts: Sequence[Causes]) -> Causes:
+        """One after the other."""
+        fingers = tuple(sorted({word for part in parts for word in part.fingers}))
+        lost = [torch.tensor([fingers.index(word) for word in part.fingers])[part.lost] for part in parts]
+        phase, cause, force = (
+            torch.cat([getattr(part, name) for part in parts]) for name in ("phase", "cause", "force")
+        )
+        return Causes(phase, cause, force, torch.cat(lost), fingers)
+
+    def at(self, which: Tensor) -> Causes:
+        """Those of some trials: a mask (M,) or indices."""
+        return Causes(self.phase[which], self.cause[which], self.force[which], self.lost[which], self.fingers)
+
     def labels(self, outcomes: Sequence[str]) -> list[Label]:
         """Of each trial, given its outcome."""
         columns = (self.phase.tolist(), self.cause.tolist(), self.force.tolist(), self.lost.tolist())

@@ -194,23 +194,17 @@ def test_trials_that_have_ended_are_kept(tmp_path: Path, monkeypatch: pytest.Mon
     def fake(given: Any, *rest: Any) -> Any:
         for _, _, T in given:
             asked.append(len(T))
-            yield torch.arange(len(T)) + 2
+            yield ["missed", "dropped/lift/none/0/left_tip+right_tip", "slipped"][: len(T)]
             if len(asked) == 1:
                 raise KeyboardInterrupt
 
-    monkeypatch.setattr("spgf_torch.judging.resumable_trials.execute", fake)
+    monkeypatch.setattr("spgf_torch.judging.resumable_trials.execute_words", fake)
     cache = Cache(tmp_path)
     with pytest.raises(KeyboardInterrupt):
         tried(requests, trials, InlineExecutor, cache)
-    assert [o.tolist() for o in tried(requests, trials, InlineExecutor, cache)] == [
-        [2, 3, 4],
-        [2, 3],
-        [2, 3],
-    ] and asked == [
-        3,
-        2,
-        2,
-    ]
+    ended = tried(requests, trials, InlineExecutor, cache)
+    dropped = "dropped/lift/none/0/left_tip+right_tip"
+    assert ended == [["missed", dropped, "slipped"], ["missed", dropped], ["missed", dropped]] and asked == [3, 2, 2]
     entry = max(tmp_path.glob(f"{KIND}-*"), key=lambda path: path.stat().st_size)
     entry.write_bytes(entry.read_bytes()[:-1])
     assert [len(o) for o in tried(requests, trials, InlineExecutor, cache)] == [3, 2, 2] and asked[3:] == [3]

@@ -21,6 +21,7 @@ from spgf_torch.judging.training_rows import PICKED, Chosen
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.settings import plain, typed
 from spgf_torch.simulation import executors
+from spgf_torch.simulation.table import OUTCOMES
 from spgf_torch.train import run as train
 
 ROOT = Path(__file__).parents[2]
@@ -52,6 +53,26 @@ def test_a_table_comes_back_bit_by_bit(own: OwnTrials, tmp_path: Path) -> None:
         a, b = own.at_round(number), back.at_round(number)
         assert torch.equal(a.chosen.poses.T, b.chosen.poses.T) and torch.equal(a.outcome, b.outcome)
         assert torch.equal(a.probability, b.probability) and torch.equal(a.rank, b.rank)
+
+
+def test_causes_of_a_robots_trials_come_back(own: OwnTrials, tmp_path: Path) -> None:
+    """Of two rounds with other fingers each; of the other episode there are none."""
+    assert own.causes is None
+    robot = plain(config("episode=robot").episode)
+    provenance = replace(own.provenance, episode=robot)
+    words = [
+        [f"dropped/shake/none/{1.5 * k:.4g}/{'left_tip' if k else ''}" for k in range(5)],
+        ["success/held/none/9.5/", *["missed/lift/one_side/0/finger_1_tip+left_tip"] * 4],
+    ]
+    parts = [replace(own.at_round(number), provenance=provenance).ended(words[number - 1]) for number in (1, 2)]
+    write_own(tmp_path, OwnTrials.together(parts))
+    (back,) = read_own(tmp_path, [provenance], TYPES)
+    assert back.causes is not None and back.causes.fingers == ("", "finger_1_tip+left_tip", "left_tip")
+    for number in (1, 2):
+        its = back.at_round(number)
+        assert its.causes is not None
+        labels = its.causes.labels([OUTCOMES[code] for code in its.outcome.tolist()])
+        assert [label.word for label in labels] == words[number - 1]
 
 
 def test_types_that_nothing_was_chosen_of_keep_their_codes(own: OwnTrials, tmp_path: Path) -> None:
