@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from spgf_torch.cli.command import run_command
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig
-from spgf_torch.extras import installed, needed, remedy
+from spgf_torch.extras import needed
 from spgf_torch.files.given_paths import NONE, check_folder, model_and_judge
 from spgf_torch.paths import find
 from spgf_torch.progress import ProgressReporter, show
@@ -24,30 +24,24 @@ if TYPE_CHECKING:
     from spgf_torch.experiment.describe import Grasps
     from spgf_torch.experiment.execution import Executed
     from spgf_torch.experiment.loaded_model import LoadedModel
-    from spgf_torch.hands.hand import Hand
     from spgf_torch.objects.grasp_object import GraspObject
     from spgf_torch.proposing.judge import Judge
 
 
 def run(config: EvaluateConfig, folder: Path) -> None:
     """Sense the meshes, rank candidate grasps, execute the best of each type; write the rates into `folder`."""
-    if config.engine != "sapien":
-        needed(f"engine: {config.engine}", "mujoco")
-        if config.episode.robot is not None:
-            raise InputError(f"engine: expected sapien with the robot's episode, got {config.engine}")
-    if config.draws > 1 and config.episode.robot is None:
-        raise InputError(
-            f"draws: expected 1 with an episode that draws nothing, got {config.draws}; episode=robot does"
-        )
+    _check_episode(config)
     config = _resolved(config)
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.affordance.model import check_device
+    from spgf_torch.evaluation.draws import draw_results
     from spgf_torch.evaluation.executed import executed_results
     from spgf_torch.evaluation.files import write_json
-    from spgf_torch.evaluation.tables import executed_table
+    from spgf_torch.evaluation.tables import draws_table, executed_table
     from spgf_torch.experiment.execution import execute_best, execute_draws
     from spgf_torch.hands.hand import load_hand
+    from spgf_torch.reporting.evaluated import Left
     from spgf_torch.simulation.execute import Trials
 
     check_device(config.device)
@@ -72,14 +66,28 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     results = executed_results(outcomes_of(objects, executed, each), config)
     results |= {"learned_from": known, **_judged(executed, scores, config), **_ended(executed, config)}
     told: list[Any] = [executed_table(results), *doubts]
+    left = Left(folder, objects, grasps, trials.hand)
     if len(by_engine) > 1:
-        told += _both_engines(objects, grasps, by_engine, trials.hand, config, folder, results)
+        told += left.both_engines(by_engine, config, results)
     if further:
-        told += _in_draws(objects, [executed, *further], config, results)
-    told.append(_failures(objects, grasps, [executed, *further], trials.hand, folder))
+        results["robustness"] = in_draws = draw_results(objects, [executed, *further], config)
+        told.append(draws_table(in_draws, config.N))
+    told.append(left.failures([executed, *further]))
     write_json(folder / "results.json", results)
-    for content in (*told, f"results and settings in {folder}"):
+    for content in told:
         show(content)
+
+
+def _check_episode(config: EvaluateConfig) -> None:
+    """InputError where the engine does not know the episode, or the episode draws nothing."""
+    if config.engine != "sapien":
+        needed(f"engine: {config.engine}", "mujoco")
+        if config.episode.robot is not None:
+            raise InputError(f"engine: expected sapien with the robot's episode, got {config.engine}")
+    if config.draws > 1 and config.episode.robot is None:
+        raise InputError(
+            f"draws: expected 1 with an episode that draws nothing, got {config.draws}; episode=robot does"
+        )
 
 
 def _objects(config: EvaluateConfig) -> Sequence[GraspObject]:
@@ -94,81 +102,6 @@ def _objects(config: EvaluateConfig) -> Sequence[GraspObject]:
     if found.scans:
         show(scans_table(found.scans))
     return found.objects
-
-
-def _both_engines(
-    objects: Sequence[GraspObject],
-    grasps: Sequence[Grasps],
-    by_engine: Mapping[str, Sequence[Executed]],
-    hand: Hand,
-    config: EvaluateConfig,
-    folder: Path,
-    results: dict[str, Any],
-) -> list[Any]:
-    """Add what both engines found to `results`; write CSV, picture and page; return what to show."""
-    from spgf_torch.evaluation.engines import Compared, engine_results, engines_csv
-    from spgf_torch.evaluation.tables import engines_lines, engines_table
-    from spgf_torch.files.writing import write_bytes, write_text
-    from spgf_torch.hands.records import grippers_of
-    from spgf_torch.reporting.figures.disagreements import disagreements_picture, shown_disagreements
-    from spgf_torch.reporting.pages.engines_page import engines_page
-
-    rows = zip(objects, grasps, *by_engine.values(), strict=True)
-    compared = [Compared.of(obj, its, dict(zip(by_engine, ran, strict=True))) for obj, its, *ran in rows]
-    results["engines"] = found = engine_results(compared, config)
-    write_text(folder / "engines.csv", engines_csv(compared, results["grasp_types"]))
-    told: list[Any] = [engines_table(found, config.N), *(lines := engines_lines(found))]
-    shown = shown_disagreements(objects, compared, grippers_of(hand))
-    if shown:
-        write_bytes(folder / "disagreements.png", disagreements_picture(shown))
-    if installed("plotly"):
-        write_text(folder / "index.html", engines_page(found, shown, lines, config.N))
-    else:
-        told.append(f"no page, for which {remedy('plotly')} is needed")
-    return told
-
-
-def _in_draws(
-    objects: Sequence[GraspObject],
-    by_draw: Sequence[Sequence[Executed]],
-    config: EvaluateConfig,
-    results: dict[str, Any],
-) -> list[Any]:
-    """Add to `results` in which share of the draws the best grasps hold; return what to show."""
-    from spgf_torch.evaluation.draws import draw_results
-    from spgf_torch.evaluation.tables import draws_table
-
-    results["robustness"] = found = draw_results(objects, by_draw, config)
-    return [draws_table(found, config.N)]
-
-
-def _failures(
-    objects: Sequence[GraspObject],
-    grasps: Sequence[Grasps],
-    by_draw: Sequence[Sequence[Executed]],
-    hand: Hand,
-    folder: Path,
-) -> str:
-    """Write picture and page of the best CG grasps that failed, in any draw; return a line about them."""
-    from spgf_torch.evaluation.endings import failed_grasps
-    from spgf_torch.files.writing import write_bytes, write_text
-    from spgf_torch.hands.records import grippers_of
-    from spgf_torch.reporting.figures.failures import failures_picture, failures_shown
-    from spgf_torch.reporting.pages.failures_page import failures_page
-
-    grippers = grippers_of(hand)
-    failed = failed_grasps(objects, grasps, by_draw, sorted(grippers))
-    if not failed:
-        return "no CG grasp failed: no picture"
-    shown, told = failures_shown(objects, grasps, by_draw[0], grippers), []
-    if shown:
-        write_bytes(folder / "failures.png", failures_picture(shown))
-        told.append("failures.png shows the CG grasps that failed")
-    if not installed("plotly"):
-        return "; ".join([*told, f"no page of them, for which {remedy('plotly')} is needed"])
-    trials = sum(len(ran.best["CG"]) for executed in by_draw for ran in executed)
-    write_text(folder / "failures.html", failures_page(failed, trials, shown))
-    return "; ".join([*told, "failures.html says of each why"])
 
 
 def _resolved(config: EvaluateConfig) -> EvaluateConfig:

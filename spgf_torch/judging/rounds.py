@@ -125,12 +125,12 @@ def _tried(objects: Sequence[GraspObject], poses: Sequence[Hypotheses], shop: Wo
             which = (its.grasp_type == code).nonzero()[:, 0]
             if len(which):
                 requests.append((obj, kind, its.T[which]))
-                where.append((index, which.tolist()))
+                where.append((index, which))
     with shop.stages.stage("trials", sum(map(len, poses)), "grasps") as advance:
         ended = tried(requests, shop.trials, shop.executor, shop.cache, advance)
     found = [[""] * len(its) for its in poses]
     for (index, which), words in zip(where, ended, strict=True):
-        for place, word in zip(which, words, strict=True):
+        for place, word in zip(which.tolist(), words, strict=True):
             found[index][place] = word
     return found
 

@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
+import trimesh
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 from rich.console import Console
-from trial_objects import box, can
+from trial_objects import box, can, from_above
 
+from spgf_torch.errors import InputError
+from spgf_torch.evaluate import run as evaluate
 from spgf_torch.evaluation.draws import draw_results
 from spgf_torch.evaluation.endings import Failed, failed_grasps
 from spgf_torch.evaluation.tables import draws_table
 from spgf_torch.experiment.config import EvaluateConfig
 from spgf_torch.experiment.describe import Grasps
-from spgf_torch.experiment.execution import Executed
+from spgf_torch.experiment.execution import Executed, execute_draws
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import load_hand
+from spgf_torch.paths import root
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.reporting.pages.failures_page import failures_page
-from spgf_torch.simulation.execute import codes
+from spgf_torch.settings import typed
+from spgf_torch.simulation.config import EpisodeConfig
+from spgf_torch.simulation.execute import Trials, codes
 from spgf_torch.simulation.label import Label
+from spgf_torch.simulation.robot import RobotTrials
 
 CONFIG = EvaluateConfig(N=2, bootstrap=200, seed=0)
 HELD, SHAKEN, TURNED = "success/held/none/9/", "dropped/shake/none/0/left_tip", "rotated/turn/none/3.25/"
@@ -100,3 +114,53 @@ def test_the_page_says_why() -> None:
         ["&lt;a&gt;", "2", "7", "WPG", "missed", "lift", "one side", "1.3", "left_tip, left_pad"],
         ["b", "0", "1", "NPG", "slipped", "", "", "", ""],
     ]
+
+
+def composed(command: str, *overrides: str) -> Any:
+    with initialize_config_dir(str(root() / "conf"), version_base="1.3"):
+        return OmegaConf.to_container(compose(command, overrides=list(overrides)), resolve=True)
+
+
+def test_draws_are_those_after_the_episodes_own() -> None:
+    """The best two of three grasps, in draws 2 and 3 as if each was the episode's; no random sample."""
+    episode = typed(EpisodeConfig, composed("simulate", "episode=robot_fast", "episode.robot.draw=1")["episode"])
+    trials = Trials(load_hand(typed(HandConfig, composed("hand", "hand=panda")["hand"])), episode)
+    heights = (0.09, 0.3, 0.085)
+    T = torch.stack([torch.from_numpy(from_above(height)) for height in heights])
+    given = [box((0.03, 0.06, 0.1))], [Grasps(T, torch.tensor([1, 1, 1]))], [torch.tensor([0.9, 0.1, 0.5])]
+    config = replace(CONFIG, draws=3, engine="sapien", workers=1, random_trials=3)
+    second, third = execute_draws(*given, trials, config, ProgressReporter())
+    robot = RobotTrials(given[0][0], trials.hand, episode, "WPG")
+    for number, (ran,) in ((2, second), (3, third)):
+        assert ran.best["CG"].tolist() == [0, 2] and set(ran.ended) == {0, 2}
+        assert [ran.ended[index] for index in (0, 2)] == [robot.run(T[k].numpy(), number).word for k in (0, 2)]
+    assert second[0].ended != third[0].ended
+
+
+def test_the_command_reports_draws(tmp_path: Path) -> None:
+    """The first draw is the one that is executed without others."""
+    block = trimesh.creation.box((0.05, 0.06, 0.08)).subdivide().subdivide()
+    (tmp_path / "meshes").mkdir()
+    block.export(tmp_path / "meshes/block.ply")
+    words = [
+        f"objects={tmp_path}/meshes",
+        "category=boxes",
+        "hand=panda",
+        "model=data/judge/panda",
+        "sensing.cameras=1",
+    ]
+    words += ["N=3", "random_trials=1", "bootstrap=100", "workers=1", "episode=robot_fast", "table=true", "draws=2"]
+    (tmp_path / "run").mkdir()
+    evaluate(typed(EvaluateConfig, composed("evaluate", *words)), tmp_path / "run")
+    found = json.loads((tmp_path / "run/results.json").read_text())
+    its = found["robustness"]
+    assert its["draws"] == 2 and [row["object"] for row in its["per_object"]] == ["block"]
+    assert its["by_draw"][0] == pytest.approx(found["per_object"][0]["CG"])
+    failed = sum(its["failures"].values())
+    assert failed == round(6 * (1 - its["success_rate"]["all"]["CG"]))
+    assert (tmp_path / "run/failures.html").is_file() == bool(failed)
+
+
+def test_draws_of_an_episode_that_draws_nothing_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"^draws: expected 1 .*, got 2; episode=robot does$"):
+        evaluate(typed(EvaluateConfig, composed("evaluate", "objects=x", "draws=2")), tmp_path)

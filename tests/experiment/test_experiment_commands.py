@@ -383,25 +383,6 @@ def test_evaluate_asks_a_second_engine(small: Path, scanned: Path, monkeypatch: 
     assert one["engines"]["agreement"]["best"]["grasps"] == 3
 
 
-def test_evaluate_tries_the_best_in_several_draws(small: Path, scanned: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first draw is what is executed without others; a draw is the same wherever counting begins."""
-    monkeypatch.chdir(small)
-    command = [f"objects={scanned}", "random_trials=1", "N=3", "bootstrap=100", "candidates=sampled", "samples=60"]
-    found = []
-    for name, more in {"three": ["draws=3"], "third": ["episode.robot.draw=2", "draws=2"]}.items():
-        Path(name).mkdir()
-        overrides = [*command, "workers=1", "episode=robot", *more]
-        evaluate(typed(EvaluateConfig, composed("evaluate", *overrides)), Path(name))
-        found.append(json.loads((Path(name) / "results.json").read_text()))
-    three, third = found
-    assert three["robustness"]["draws"] == 3 and three["robustness"]["per_object"][0]["object"] == "block"
-    by_draw = three["robustness"]["by_draw"]
-    assert by_draw[0] == pytest.approx(three["per_object"][0]["CG"]) and by_draw[2] == third["robustness"]["by_draw"][0]
-    failed = sum(three["robustness"]["failures"].values())
-    assert failed == round(9 * (1 - three["robustness"]["success_rate"]["all"]["CG"]))
-    assert (Path("three") / "failures.html").is_file() == bool(failed)
-
-
 def executed(run: Path) -> None:
     """What evaluate leaves of the block."""
     results = json.loads((run / "results.json").read_text())
@@ -434,7 +415,6 @@ def test_held_out_objects_meet_models_that_have_not_seen_them(small: Path, monke
         (["objects=large"], ["block.ply", "unit=mm"]),
         (["objects=empty", "model=nowhere"], ["nowhere/model.json"]),
         (["hand.closing.effort=1"], ["hand"]),
-        (["draws=2"], ["draws: expected 1", "got 2", "episode=robot"]),
     ],
 )
 def test_evaluate_refuses_bad_input(
