@@ -43,10 +43,9 @@ class RobotTrials:
             self.forward = FastForward.of(hand, grasp_type, episode)
         self.lost = "+".join(group_names(preshape))
 
-    def run(self, T_object_tcp: np.ndarray, number: int | None = None) -> Label:
-        """How the grasp at T_object_tcp (4, 4) ends in draw `number` (None: `config.draw`)."""
-        number = self.config.draw if number is None else number
-        draw = drawn(self.obj, self.poses, T_object_tcp, self.config, number)
+    def run(self, T_object_tcp: np.ndarray) -> Label:
+        """How the grasp at T_object_tcp (4, 4) ends."""
+        draw = drawn(self.obj, self.poses, T_object_tcp, self.config, self.config.draw)
         if met := self.check.met(draw.T_object_tcp, draw.up, draw.height):
             return Label("collision", "approach", met)
         begun = None
@@ -55,10 +54,6 @@ class RobotTrials:
             if begun is None:
                 return Label("missed", "close", "nothing", lost=self.lost)
         return RobotTrial(self.simulator, draw, self.grasp_type).label(begun)
-
-    def robustness(self, T_object_tcp: np.ndarray, draws: int) -> float:
-        """Share of so many draws, from the first on, in which the grasp holds."""
-        return sum(self.run(T_object_tcp, number).outcome == "success" for number in range(draws)) / draws
 
 
 def group_names(preshape: Preshape) -> list[str]:

@@ -130,10 +130,12 @@ def test_draws_are_those_after_the_episodes_own() -> None:
     given = [box((0.03, 0.06, 0.1))], [Grasps(T, torch.tensor([1, 1, 1]))], [torch.tensor([0.9, 0.1, 0.5])]
     config = replace(CONFIG, draws=3, engine="sapien", workers=1, random_trials=3)
     second, third = execute_draws(*given, trials, config, ProgressReporter())
-    robot = RobotTrials(given[0][0], trials.hand, episode, "WPG")
+    assert episode.robot is not None
     for number, (ran,) in ((2, second), (3, third)):
+        drawn = replace(episode, robot=replace(episode.robot, draw=number))
+        robot = RobotTrials(given[0][0], trials.hand, drawn, "WPG")
         assert ran.best["CG"].tolist() == [0, 2] and set(ran.ended) == {0, 2}
-        assert [ran.ended[index] for index in (0, 2)] == [robot.run(T[k].numpy(), number).word for k in (0, 2)]
+        assert [ran.ended[index] for index in (0, 2)] == [robot.run(T[k].numpy()).word for k in (0, 2)]
     assert second[0].ended != third[0].ended
 
 
