@@ -10,18 +10,25 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from test_judging import OBJECTS, config
 
+from spgf_torch.cache import Cache
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.geometry.se3 import random_poses
+from spgf_torch.hands.hand import load_hand
 from spgf_torch.judge import run as learn
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.own_trials import CHOICE, OwnProvenance, OwnTrials, read_own, write_own
+from spgf_torch.judging.rounds import Workshop, random_tables
 from spgf_torch.judging.settings import judge_settings
 from spgf_torch.judging.training_rows import PICKED, Chosen
+from spgf_torch.objects.library import load_objects
+from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.settings import plain, typed
 from spgf_torch.simulation import executors
-from spgf_torch.simulation.table import OUTCOMES
+from spgf_torch.simulation.execute import Trials, simulate
+from spgf_torch.simulation.executors import InlineExecutor
+from spgf_torch.simulation.table import OUTCOMES, read_table, write_table
 from spgf_torch.train import run as train
 
 ROOT = Path(__file__).parents[2]
@@ -73,6 +80,22 @@ def test_causes_of_a_robots_trials_come_back(own: OwnTrials, tmp_path: Path) -> 
         assert its.causes is not None
         labels = its.causes.labels([OUTCOMES[code] for code in its.outcome.tolist()])
         assert [label.word for label in labels] == words[number - 1]
+
+
+def test_random_trials_of_a_robot_can_be_read_again(tmp_path: Path) -> None:
+    """With the causes that `simulate` would write, kept in the cache on the way."""
+    made = config("episode=robot_fast", "candidates=3")
+    trials, obj = Trials(load_hand(made.hand), made.episode), load_objects(ROOT / "data/objects")[0]
+    shop = Workshop(trials, None, made, Cache(tmp_path / "cache"), ProgressReporter(), InlineExecutor)  # type: ignore[arg-type]
+    (table,) = random_tables([obj], shop)
+    write_table(tmp_path / "table.parquet", table)
+    back = read_table(tmp_path / "table.parquet")
+    (expected,) = simulate([obj], trials, made.sampler, 3, made.seed, workers=1)
+    assert table.causes is not None and back.causes is not None and expected.causes is not None
+    outcomes = [OUTCOMES[code] for code in expected.outcome.tolist()]
+    assert torch.equal(back.outcome, expected.outcome)
+    assert back.causes.labels(outcomes) == expected.causes.labels(outcomes)
+    assert list((tmp_path / "cache").iterdir()) and len(outcomes) == 6
 
 
 def test_types_that_nothing_was_chosen_of_keep_their_codes(own: OwnTrials, tmp_path: Path) -> None:
