@@ -156,7 +156,7 @@ def test_a_judge_from_tables_is_that_of_the_run_to_the_bit(tmp_path: Path, monke
     for run in ("first", "second"):
         Path(run).mkdir()
     learn(config(*few), Path("first"))
-    monkeypatch.setattr("spgf_torch.judging.resumable_trials.execute", None)
+    monkeypatch.setattr("spgf_torch.judging.resumable_trials.execute_words", None)
     learn(config(*few, "trials=first/trials", "own_trials=first/own_trials"), Path("second"))
     assert {path.name for path in Path("second").iterdir()} == {"judge.json", "judge.safetensors", "README.md"}
     for name in ("judge.json", "judge.safetensors", "README.md"):
