@@ -110,7 +110,7 @@ def test_the_same_call_gives_the_same_judge_and_tries_nothing_again(
 ) -> None:
     monkeypatch.chdir(place)
     monkeypatch.setattr(
-        "spgf_torch.judging.resumable_trials.execute", lambda requests, *rest: iter([0 for _ in requests])
+        "spgf_torch.judging.resumable_trials.execute_words", lambda requests, *rest: iter([[] for _ in requests])
     )
     Path("again").mkdir()
     learn(config("objects=objects"), Path("again"))
