@@ -32,7 +32,7 @@ class Solid:
 
 
 def camera_at(eye: np.ndarray, target: np.ndarray, size: tuple[int, int], wide: float) -> Camera:
-    """A camera of `size` (width, height) pixels at `eye` that looks at `target` ((3,), m) and is `wide` m wide there."""
+    """A camera of `size` (width, height) pixels at `eye` that sees `wide` m across at `target`; both (3,), m."""
     focal = size[0] * float(np.linalg.norm(eye - target)) / wide
     K = np.array([[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1.0]])
     return Camera(K, look_at(eye, target), *size)

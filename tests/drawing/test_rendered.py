@@ -12,7 +12,7 @@ EYE, TARGET = np.array([0.0, -1.0, 1.0]), np.zeros(3)  # looks along (0, 1, -1),
 
 def square(x: float, y: float, z: float, half: float, colour: str) -> Solid:
     corners = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
-    return Solid(corners + [x, y, z], FACES, colour)
+    return Solid(corners + np.array([x, y, z]), FACES, colour)
 
 
 def picture(solids: list[Solid], samples: int = 1) -> np.ndarray:
