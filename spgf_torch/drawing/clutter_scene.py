@@ -15,12 +15,13 @@ from spgf_torch.sensing.cameras import Camera
 
 # Okabe and Ito's without red and green, which are outcomes; lighter, so that the cloud is seen on them.
 OBJECTS = ("#7db8de", "#f0bf5c", "#d7a5c4", "#efe68c", "#a9b7e8", "#c9ad8c", "#9fd3d0")
+HAND = "#74879a"  # of a hand whose outcome is not known yet
 FACES = 600  # of an object that are drawn at most: a page of five rounds stays below 1.5 MB
 CELLS = (96, 64, 48, 36, 27, 20, 15, 11, 8, 6)  # along the longest side, finest first
 HALF, TILES = 0.2, 10  # m, half a side of the table that is drawn, and tiles along a side
 TOWARDS = np.array([0.75, -1.15, 0.8])  # from the table's middle to the eye, as the page's side view
-TARGET = np.array([0.0, 0.0, 0.08])  # m, what the eye looks at
-DISTANCE, WIDE = 1.1, 0.66  # m from eye to target, and across the picture there
+TARGET = np.array([0.0, 0.0, 0.1])  # m, what the eye looks at
+DISTANCE, WIDE = 1.2, 0.76  # m from eye to target, and across the picture there: room for a hand above the things
 
 
 def overview(size: tuple[int, int]) -> Camera:
@@ -55,12 +56,19 @@ def open_hand(hand: Hand, grasp_type: str, colour: str) -> Solid:
     return joined(hand.preshapes[grasp_type].shapes, colour)
 
 
-def link_solids(hand: Hand, colour: str) -> dict[str, Solid]:
-    """Link -> its collision shapes in the link's frame."""
-    shapes: dict[str, list[trimesh.Trimesh]] = {}
+def link_solids(hand: Hand, links: Sequence[str]) -> list[Solid | None]:
+    """The collision shapes that move with each of `links`, in its frame; None where there are none.
+
+    What is fixed to a link that is not in the list moves with its rigid body; what is not simulated is left out.
+    """
+    bodies, poses = hand.robot.bodies(), next(iter(hand.preshapes.values())).T_base_link
+    shapes: dict[str, list[trimesh.Trimesh]] = {link: [] for link in links}
     for piece in hand.robot.collisions:
-        shapes.setdefault(piece.link, []).append(piece.mesh.copy().apply_transform(piece.T_link_shape))
-    return {link: joined(found, colour) for link, found in shapes.items()}
+        carrier = piece.link if piece.link in shapes else bodies[piece.link]
+        if carrier in shapes:
+            T = np.linalg.inv(poses[carrier]) @ poses[piece.link] @ piece.T_link_shape
+            shapes[carrier].append(piece.mesh.copy().apply_transform(T))
+    return [joined(shapes[link], HAND) if shapes[link] else None for link in links]
 
 
 def joined(shapes: Sequence[trimesh.Trimesh], colour: str) -> Solid:
