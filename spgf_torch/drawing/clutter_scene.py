@@ -90,7 +90,7 @@ def coarse(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarr
     for cells in CELLS:
         if len(kept) <= most:
             break
-        cell = np.floor((vertices - low) / size * cells).astype(int)
+        cell = np.minimum((vertices - low) / size * cells, cells - 1).astype(int)
         _, where = np.unique(cell, axis=0, return_inverse=True)
         count = np.bincount(where)
         found = np.stack([np.bincount(where, vertices[:, axis]) / count for axis in range(3)], axis=1)
