@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,6 +22,8 @@ CLEAR, FAILED, NO_GRASP, NOTHING_SEEN = "clear", "failures in a row", "no grasp"
 SUCCESS = "success"
 # Streams of random numbers of a scene, beside that of its arrangement.
 _NOISE, _TEXLETS, _METHOD = 1, 2, 3
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)

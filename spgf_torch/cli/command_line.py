@@ -40,6 +40,7 @@ _FOLDERS = {
     "baseline",
     "judge",
     "ranges",
+    "cgn",
 }
 PATHS = _SCENE | _FOLDERS | {"prototypes_from", "hand.urdf", "urdf", "hydra.run.dir", "hydra.sweep.dir"}
 # Of these, what may hold numbers instead.

@@ -1,0 +1,91 @@
+"""A run over scenes: which there are, those that are kept, those that are cleared now; and its files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from spgf_torch.clearing.config import NETWORK, OURS, ClutterConfig
+from spgf_torch.clearing.contact_graspnet import ContactGraspNet
+from spgf_torch.clearing.learned import Learned
+from spgf_torch.clearing.methods import Ours
+from spgf_torch.clearing.outcomes import attempt_rows, clutter_results, csv_text, scene_row
+from spgf_torch.clearing.processes import SceneTask, cleared_scenes
+from spgf_torch.clearing.rounds import ClearedScene
+from spgf_torch.clearing.scene_files import SceneFiles
+from spgf_torch.clearing.tables import causes_picture
+from spgf_torch.evaluation.files import write_json
+from spgf_torch.files.writing import write_bytes, write_text
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.progress import ProgressReporter, console
+
+RESULTS, ATTEMPTS, PER_SCENE, CAUSES = "results.json", "attempts.csv", "scenes.csv", "causes.png"
+
+
+def scene_tasks(config: ClutterConfig, learned: Learned, objects: Sequence[GraspObject]) -> list[SceneTask]:
+    """The scenes in order: number k has the seed `config.seed` + k, and its objects are of the pool of that number."""
+    pools = learned.pools(objects)
+    tasks = []
+    for number in range(config.scenes):
+        seed = config.seed + number
+        fold, pool = pools[seed % len(pools)]
+        filmed = number == config.film
+        tasks.append(SceneTask(number, seed, tuple(pool), fold, learned.folders(fold), filmed))
+    return tasks
+
+
+def check_method(config: ClutterConfig, learned: Learned, folds: Sequence[int | None]) -> set[str]:
+    """Load what plans, once, so that what is wrong with it is told before anything is begun.
+
+    Returns the digests of the objects that it has learned from. Raises InputError.
+    """
+    if config.method == NETWORK:
+        ContactGraspNet.of(str(config.cgn))
+    taught: set[str] = set()
+    for fold in folds if config.method == OURS else ():
+        predictor = Ours.of(learned.folders(fold), config).predictor
+        its = predictor.judged.judge.taught if predictor.judged else predictor.model.settings.get("taught")  # type: ignore[union-attr]
+        taught |= set(dict(its or {}).values())
+    return taught
+
+
+def cleared(
+    tasks: Sequence[SceneTask], files: SceneFiles, config: ClutterConfig, stages: ProgressReporter
+) -> tuple[list[ClearedScene], list[str]]:
+    """All scenes that have an end, in order, kept ones and those cleared now; and a line on each that has none.
+
+    Interrupted, it says what is kept.
+    """
+    done = {task.number: scene for task in tasks if (scene := files.read(task.number)) is not None}
+    died: dict[int, str] = {}
+    left = [task for task in tasks if task.number not in done]
+    if done and left:
+        console.print(f"{len(done)} of {len(tasks)} scenes are kept in {files.folder}")
+    try:
+        with stages.stage("scenes", len(left), "scenes") as advance, closing(cleared_scenes(left, config)) as ended:
+            for task, scene in ended if left else ():
+                if isinstance(scene, ClearedScene):
+                    files.write(scene)
+                    done[task.number] = scene
+                else:
+                    died[task.number] = f"scene {task.number}: {scene}"
+                advance(1)
+    except KeyboardInterrupt:
+        if done:
+            kept = f"{len(done)} of {len(tasks)} scenes are kept"
+            console.print(f"{kept}: the same call with out={files.folder} goes on")
+        raise
+    return [done[number] for number in sorted(done)], [died[number] for number in sorted(died)]
+
+
+def write_files(scenes: Sequence[ClearedScene], config: ClutterConfig, folder: Path) -> dict[str, Any]:
+    """Write CSV, picture and results; return the results."""
+    results = clutter_results(scenes, config)
+    write_text(folder / ATTEMPTS, csv_text([row for scene in scenes for row in attempt_rows(scene)]))
+    write_text(folder / PER_SCENE, csv_text([scene_row(scene) for scene in scenes]))
+    if results["causes"]:
+        write_bytes(folder / CAUSES, causes_picture(results["causes"], results["attempts"]))
+    write_json(folder / RESULTS, results)
+    return results
