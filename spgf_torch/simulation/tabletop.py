@@ -1,0 +1,143 @@
+"""A table with objects on it in SAPIEN, under gravity: what arrangements and attempts share.
+
+World frame: the table's top is z = 0, z up, m. Every use builds a new scene, and PhysX's global settings are read when a
+shape or body is made: so all shapes are cooked first, then the settings are set, then bodies are made. What happens is
+then the same to the bit whatever the process did before.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.simulation.articulation import physx, pose_of, principal_axes, sapien
+
+TABLE = (1.0, 1.0, 0.1)  # m, half its sides and thickness
+MOST_COOKED = 512  # objects whose shapes are kept
+
+
+class Physics(Protocol):
+    """What a scene is stepped with: keys of `config.EpisodeConfig` and `clutter_config.ArrangementConfig`."""
+
+    dt: float
+    position_iterations: int
+    velocity_iterations: int
+    contact_offset: float
+    friction: float
+    depenetration: float
+    gravity: float
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An object and where it is: T_world_object (4, 4) float64."""
+
+    obj: GraspObject
+    T_world_object: np.ndarray
+
+    @property
+    def centre(self) -> np.ndarray:
+        """(3,) m, the centre of mass in the world."""
+        return self.T_world_object[:3, :3] @ self.obj.com + self.T_world_object[:3, 3]
+
+    @property
+    def points(self) -> np.ndarray:
+        """(V, 3) m, the corners of its collision pieces in the world."""
+        return np.concatenate(self.obj.parts) @ self.T_world_object[:3, :3].T + self.T_world_object[:3, 3]
+
+
+class Tabletop:
+    """One scene: a table and bodies, in the order of `placed`."""
+
+    def __init__(self, placed: Sequence[Placed], physics: Physics) -> None:
+        self.physics = physics
+        self.bodies: list[physx.PhysxRigidDynamicComponent] = []
+        shapes = [cooked(each.obj, physics, copy) for each, copy in zip(placed, _copies(placed), strict=True)]
+        configure(physics)
+        self.system = physx.PhysxCpuSystem()
+        self.scene = sapien.Scene([self.system])
+        self.scene.timestep = physics.dt
+        self.material = physx.PhysxMaterial(physics.friction, physics.friction, 0.0)
+        self.table = self.add_box(TABLE, (0.0, 0.0, -TABLE[2]))
+        for each, pieces in zip(placed, shapes, strict=True):
+            self._add(each, pieces)
+
+    def add_box(self, half_size: Sequence[float], centre: Sequence[float]) -> physx.PhysxRigidStaticComponent:
+        """A box that stands still."""
+        box = physx.PhysxRigidStaticComponent()
+        box.attach(physx.PhysxCollisionShapeBox(half_size=np.asarray(half_size, np.float32), material=self.material))
+        entity = sapien.Entity()
+        entity.add_component(box)
+        entity.pose = sapien.Pose(np.asarray(centre, dtype=np.float32))
+        self.scene.add_entity(entity)
+        return box
+
+    def _add(self, placed: Placed, pieces: Sequence[physx.PhysxCollisionShapeConvexMesh]) -> None:
+        body, obj = physx.PhysxRigidDynamicComponent(), placed.obj
+        for piece in pieces:
+            body.attach(piece)
+        moments, axes = principal_axes(obj.inertia)
+        body.mass, body.cmass_local_pose, body.inertia = obj.mass, pose_of(axes, obj.com), moments
+        body.max_depenetration_velocity = self.physics.depenetration
+        entity = sapien.Entity()
+        entity.add_component(body)
+        entity.pose = pose_of(placed.T_world_object[:3, :3], placed.T_world_object[:3, 3])
+        self.scene.add_entity(entity)
+        self.bodies.append(body)
+
+    def poses(self) -> list[np.ndarray]:
+        """T_world_object (4, 4) float64 of every body."""
+        return [matrix_of(body.entity.pose) for body in self.bodies]
+
+    def step(self, seconds: float) -> None:
+        """Let so many seconds pass."""
+        for _ in range(round(seconds / self.physics.dt)):
+            self.system.step()
+
+
+def configure(physics: Physics) -> None:
+    """PhysX reads these when a scene, a shape or a body is made; editing them later has no effect."""
+    physx.set_scene_config(gravity=[0, 0, -physics.gravity], enable_tgs=True, enable_pcm=False, cpu_workers=0)
+    physx.set_shape_config(contact_offset=physics.contact_offset, rest_offset=0.0)
+    physx.set_body_config(
+        solver_position_iterations=physics.position_iterations,
+        solver_velocity_iterations=physics.velocity_iterations,
+        sleep_threshold=0.0,
+    )
+
+
+_COOKED: OrderedDict[tuple, list[physx.PhysxCollisionShapeConvexMesh]] = OrderedDict()
+
+
+def cooked(obj: GraspObject, physics: Physics, copy: int = 0) -> list[physx.PhysxCollisionShapeConvexMesh]:
+    """The shapes of an object, cooked once in a process; `copy`: others of the same object have shapes of their own."""
+    key = (obj.digest, physics.friction, physics.contact_offset, copy)
+    if key not in _COOKED:
+        configure(physics)
+        material = physx.PhysxMaterial(physics.friction, physics.friction, 0.0)
+        _COOKED[key] = [
+            physx.PhysxCollisionShapeConvexMesh(
+                vertices=np.asarray(part, dtype=np.float32), scale=[1, 1, 1], material=material
+            )
+            for part in obj.parts
+        ]
+        if len(_COOKED) > MOST_COOKED:
+            _COOKED.popitem(last=False)
+    _COOKED.move_to_end(key)
+    return _COOKED[key]
+
+
+def _copies(placed: Sequence[Placed]) -> list[int]:
+    """How many of the same object come before each."""
+    digests = [each.obj.digest for each in placed]
+    return [digests[:index].count(digest) for index, digest in enumerate(digests)]
+
+
+def matrix_of(pose: sapien.Pose) -> np.ndarray:
+    """(4, 4) float64."""
+    return np.asarray(pose.to_transformation_matrix(), dtype=np.float64)
