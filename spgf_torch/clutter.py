@@ -1,8 +1,8 @@
 """`python -m spgf_torch.clutter arrangement=pile`: tables full of things, cleared grasp by grasp in SAPIEN.
 
-Scenes of objects, packed or in piles, follow from their seed alone. Each is sensed by noisy depth cameras; a method plans
-a grasp; a free-flying hand approaches, closes and lifts in physics; and so on until the scene is clear, there is no
-grasp, or two fail in a row. The run's folder holds `results.json`, `attempts.csv`, `scenes.csv`, pictures and a page.
+Scenes of objects, packed or in piles, follow from their seed alone. Each is sensed by noisy depth cameras; a method
+plans a grasp; a free-flying hand approaches, closes and lifts in physics; and so on until the scene is clear, there is
+no grasp, or two fail in a row. The run's folder holds `results.json`, `attempts.csv`, `scenes.csv`, pictures and a page.
 """
 
 from __future__ import annotations

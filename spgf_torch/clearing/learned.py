@@ -65,7 +65,9 @@ class Learned:
         fold_of = {obj.name: novel[obj.name][0] for obj in objects if novel.get(obj.name, (0, ""))[1] == obj.digest}
         if len(fold_of) < len(objects):
             other = next(obj.name for obj in objects if obj.name not in fold_of)
-            raise InputError(f"held_out: expected objects of the run's cross-validation, got {other}: no such object there")
+            raise InputError(
+                f"held_out: expected objects of the run's cross-validation, got {other}: no such object there"
+            )
         return [(fold, [obj for obj in objects if fold_of[obj.name] == fold]) for fold in sorted(set(fold_of.values()))]
 
     def digests(self) -> list[str]:

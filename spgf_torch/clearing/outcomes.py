@@ -134,9 +134,7 @@ def scene_row(scene: ClearedScene) -> Row:
 def attempt_rows(scene: ClearedScene) -> list[Row]:
     """Rows of `attempts.csv`: `x`, `y`, `z`: the TCP, m; `down`: 1 where the hand comes from straight above."""
     rows = []
-    for k, (tried, seconds, texlets) in enumerate(
-        zip(scene.round.attempts, scene.seconds, scene.texlets, strict=True)
-    ):
+    for k, (tried, seconds, texlets) in enumerate(zip(scene.round.attempts, scene.seconds, scene.texlets, strict=True)):
         x, y, z = tried.T_world_tcp[:3, 3].tolist()
         rows.append(
             {

@@ -1,7 +1,7 @@
 """Scenes cleared in processes of their own, so that a simulator that crashes ends none of the others.
 
-Each process keeps what is loaded once: the hand in physics, models and judges. PhysX's settings are global to a process,
-so scenes are never cleared in the caller's.
+Each process keeps what is loaded once: the hand in physics, models and judges. PhysX's settings are global to a
+process, so scenes are never cleared in the caller's.
 """
 
 from __future__ import annotations

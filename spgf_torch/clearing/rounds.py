@@ -14,7 +14,6 @@ from spgf_torch.clearing.config import FIND, ClutterConfig
 from spgf_torch.clearing.methods import Chosen, Method, Sensed
 from spgf_torch.drawing.clutter_records import Clip, Round, Tried, View
 from spgf_torch.errors import InputError
-from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.simulation.arrangements import Placed
 from spgf_torch.simulation.attempts import Attempt, Attempts
 

@@ -1,7 +1,8 @@
 """Finished scenes on disk: a run that ends at any moment loses only the scenes that it was about.
 
-In a run's folder `scenes/`: of each scene NUMBER.npz (sensed points, cameras, motion) and, written after it, NUMBER.json
-(all else), which names what it was made with. Both are atomic; the JSON carries its own seal and the other's digest.
+In a run's folder `scenes/`: of each scene NUMBER.npz (poses, sensed points, cameras, motion) and, written after it,
+NUMBER.json (all else), which names what it was made with. Both are written whole or not at all; the JSON carries its
+own seal and the other's digest.
 """
 
 from __future__ import annotations
@@ -56,9 +57,7 @@ class SceneFiles:
             try:
                 fcntl.flock(lock, fcntl.LOCK_NB | fcntl.LOCK_EX)
             except BlockingIOError:
-                raise InputError(
-                    f"out: expected a folder that no other clutter writes to, got {self.folder}"
-                ) from None
+                raise InputError(f"out: expected a folder that no other clutter writes to, got {self.folder}") from None
             except OSError:
                 pass  # no locks on this file system: two calls would do the work twice, with the same results
             yield
