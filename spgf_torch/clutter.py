@@ -2,7 +2,7 @@
 
 Scenes of objects, packed or in piles, follow from their seed alone. Each is sensed by noisy depth cameras; a method
 plans a grasp; a free-flying hand approaches, closes and lifts in physics; and so on until the scene is clear, there is
-no grasp, or two fail in a row. The run's folder holds `results.json`, `attempts.csv`, `scenes.csv`, pictures and a page.
+no grasp, or two fail in a row. The run's folder holds `results.json`, `attempts.csv`, `scenes.csv`, page and pictures.
 """
 
 from __future__ import annotations
@@ -30,14 +30,17 @@ def run(config: ClutterConfig, folder: Path) -> None:
     """
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
     learned = Learned.of(config)
+    for other in config.beside or ():
+        check_folder("beside", other, "the folder of another run of clutter")
 
+    from spgf_torch.clearing.comparison import OtherRun, beside_lines
     from spgf_torch.clearing.processes import made_with
     from spgf_torch.clearing.scene_files import SceneFiles
     from spgf_torch.clearing.session import check_method, cleared, scene_tasks, write_files
     from spgf_torch.clearing.tables import cause_lines, clutter_table
     from spgf_torch.handcheck.standing import tried_hand
 
-    stages = ProgressReporter()
+    stages, others = ProgressReporter(), [OtherRun.read(other) for other in config.beside or ()]
     tried_hand(config.hand, config.episode)
     objects = _objects(config, stages)
     tasks = scene_tasks(config, learned, objects)
@@ -47,9 +50,9 @@ def run(config: ClutterConfig, folder: Path) -> None:
     files = SceneFiles(out, made_with(config, parts), {obj.name: obj for obj in objects})
     with files.open():
         scenes, died = cleared(tasks, files, config, stages)
-        results = write_files(scenes, config, out)
+        results = write_files(scenes, others, config, out)
     show(clutter_table(results))
-    for line in (*cause_lines(results), *_not_novel(objects, taught, config)):
+    for line in (*cause_lines(results), *beside_lines(results), *_not_novel(objects, taught, config)):
         show(line)
     show(f"results, attempts and settings in {out}")
     if died:

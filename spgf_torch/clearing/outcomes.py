@@ -9,7 +9,8 @@ from __future__ import annotations
 import csv
 import io
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,14 +21,56 @@ from spgf_torch.drawing.clutter_records import MethodRates, Share
 from spgf_torch.evaluation.reliability import auc, brier, reliability
 
 SCHEMA = 1
+RESULTS = "results.json"
 # Of every attempt and of every scene, a column each in CSV.
 Row = dict[str, Any]
 
 
+@dataclass(frozen=True)
+class Counts:
+    """(S,) int64 each: of every scene the grasps that succeeded, the attempts, and the objects that it began with."""
+
+    taken: np.ndarray
+    tried: np.ndarray
+    there: np.ndarray
+
+    @staticmethod
+    def of(scenes: Sequence[ClearedScene]) -> Counts:
+        rows = [(s.round.cleared, len(s.round.attempts), len(s.round.objects)) for s in scenes]
+        return Counts(*np.array(rows, dtype=np.int64).reshape(-1, 3).T)
+
+    def gsr(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.taken, self.tried
+
+    def dr(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.taken, self.there
+
+
+# What a rate is the sum of, over the sum of what, of every scene.
+Parts = Callable[[Counts], tuple[np.ndarray, np.ndarray]]
+
+
+def resampled(counts: Counts, parts: Parts, config: ClutterConfig) -> np.ndarray:
+    """(B,) the rate of B draws of as many scenes with replacement, the same draws for all runs; NaN of no attempts."""
+    part, whole = parts(counts)
+    drawn = np.random.default_rng(config.seed).integers(len(whole), size=(config.bootstrap, len(whole)))
+    sums = part[drawn].sum(axis=1), whole[drawn].sum(axis=1)
+    return np.divide(*sums, out=np.full(len(drawn), np.nan), where=sums[1] > 0)
+
+
+def share(counts: Counts, parts: Parts, config: ClutterConfig) -> Share:
+    """A rate over all scenes and its 95 % percentile interval; NaN where there is nothing."""
+    part, whole = parts(counts)
+    if not whole.sum():
+        return Share(np.nan, np.nan, np.nan)
+    low, high = np.nanquantile(resampled(counts, parts, config), (0.025, 0.975))
+    return Share(float(part.sum() / whole.sum()), float(low), float(high))
+
+
 def clutter_results(scenes: Sequence[ClearedScene], config: ClutterConfig) -> dict[str, Any]:
-    """The content of `results.json`: rates are fractions, each with its 95 % interval over scenes, seconds means."""
-    taken, tried, there = counts(scenes)
-    gsr, dr = share(taken, tried, config), share(taken, there, config)
+    """The content of `results.json`: rates are fractions, each with its 95 % interval over scenes, seconds medians."""
+    counts = Counts.of(scenes)
+    gsr, dr = share(counts, Counts.gsr, config), share(counts, Counts.dr, config)
     return {
         "schema": SCHEMA,
         "method": config.method,
@@ -38,8 +81,8 @@ def clutter_results(scenes: Sequence[ClearedScene], config: ClutterConfig) -> di
         "held_out": config.held_out,
         "seed": config.seed,
         "scenes": len(scenes),
-        "objects": int(there.sum()),
-        "attempts": int(tried.sum()),
+        "objects": int(counts.there.sum()),
+        "attempts": int(counts.tried.sum()),
         "gsr": gsr.value,
         "gsr_interval95": [gsr.low, gsr.high],
         "dr": dr.value,
@@ -47,31 +90,9 @@ def clutter_results(scenes: Sequence[ClearedScene], config: ClutterConfig) -> di
         "ended": dict(Counter(scene.round.ended for scene in scenes).most_common()),
         "causes": causes(scenes),
         "probability": foretold(scenes, config),
-        "seconds": mean_seconds(scenes),
+        "seconds": median_seconds(scenes),
         "per_scene": [scene_row(scene) for scene in scenes],
     }
-
-
-def counts(scenes: Sequence[ClearedScene]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(S,) int each: of every scene the grasps that succeeded, the attempts, and the objects that it began with."""
-    rows = [(s.round.cleared, len(s.round.attempts), len(s.round.objects)) for s in scenes]
-    taken, tried, there = np.array(rows, dtype=np.int64).reshape(-1, 3).T
-    return taken, tried, there
-
-
-def share(part: np.ndarray, whole: np.ndarray, config: ClutterConfig) -> Share:
-    """Sum of part (S,) over sum of whole (S,), and its 95 % percentile interval over scenes drawn with replacement.
-
-    NaN where there is nothing.
-    """
-    if not whole.sum():
-        return Share(np.nan, np.nan, np.nan)
-    rng = np.random.default_rng(config.seed)
-    drawn = rng.integers(len(whole), size=(config.bootstrap, len(whole)))
-    sums = part[drawn].sum(axis=1), whole[drawn].sum(axis=1)
-    rates = sums[0][sums[1] > 0] / sums[1][sums[1] > 0]
-    low, high = np.quantile(rates, (0.025, 0.975))
-    return Share(float(part.sum() / whole.sum()), float(low), float(high))
 
 
 def causes(scenes: Sequence[ClearedScene]) -> dict[str, int]:
@@ -93,27 +114,18 @@ def foretold(scenes: Sequence[ClearedScene], config: ClutterConfig) -> dict[str,
     return {**found, "ece": reliability(p, success).ece}
 
 
-def mean_seconds(scenes: Sequence[ClearedScene]) -> dict[str, float]:
+def median_seconds(scenes: Sequence[ClearedScene]) -> dict[str, float]:
     """Of the processor, of an attempt."""
     each = [[its.sensing, its.planning, its.execution] for scene in scenes for its in scene.seconds]
-    means = np.array(each).mean(axis=0) if each else np.zeros(3)
-    return dict(zip(("sensing", "planning", "execution"), map(float, means), strict=True))
+    medians = np.median(each, axis=0) if each else np.zeros(3)
+    return dict(zip(("sensing", "planning", "execution"), map(float, medians), strict=True))
 
 
-def rates(scenes: Sequence[ClearedScene], config: ClutterConfig) -> MethodRates:
-    """The same for the page."""
-    taken, tried, there = counts(scenes)
-    planning = [its.planning for scene in scenes for its in scene.seconds]
-    return MethodRates(
-        name=config.method,
-        scenes=len(scenes),
-        objects=int(there.sum()),
-        attempts=int(tried.sum()),
-        success=share(taken, tried, config),
-        cleared=share(taken, there, config),
-        causes=causes(scenes),
-        seconds=float(np.median(planning)) if planning else np.nan,
-    )
+def rates(results: Mapping[str, Any], name: str) -> MethodRates:
+    """Of `results.json`, for the page; `name`: as it is shown."""
+    gsr, dr = (Share(results[key], *results[f"{key}_interval95"]) for key in ("gsr", "dr"))
+    numbers = results["scenes"], results["objects"], results["attempts"]
+    return MethodRates(name, *numbers, gsr, dr, results["causes"], results["seconds"]["planning"])
 
 
 def scene_row(scene: ClearedScene) -> Row:

@@ -6,7 +6,7 @@ process, so scenes are never cleared in the caller's.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from queue import SimpleQueue
@@ -46,7 +46,7 @@ class SceneTask:
 
 def cleared_scenes(
     tasks: Sequence[SceneTask], config: ClutterConfig
-) -> Iterator[tuple[SceneTask, ClearedScene | WorkerDiedError]]:
+) -> Generator[tuple[SceneTask, ClearedScene | WorkerDiedError], None, None]:
     """Each task with its scene, or why there is none, in the order in which they end.
 
     Closing the iterator ends all processes. Raises InputError where a scene cannot be set up.
@@ -111,5 +111,5 @@ _benches: dict[str, Bench] = {}
 
 def made_with(config: ClutterConfig, parts: Any) -> str:
     """Fingerprint of all settings that a scene depends on, and of further parts."""
-    how = {"scenes", "workers", "out", "bootstrap", "time_limit", "cache", "cache_gb", "objects", "skip_bad"}
+    how = {"scenes", "workers", "out", "bootstrap", "time_limit", "cache", "cache_gb", "objects", "skip_bad", "beside"}
     return fingerprint({key: value for key, value in plain(config).items() if key not in how}, parts)

@@ -104,11 +104,10 @@ class _OtherError(Exception):
 
 def _content(scene: ClearedScene, objects: Mapping[str, GraspObject]) -> tuple[dict[str, Any], Arrays]:
     """What goes into JSON, and the arrays."""
-    its, arrays = scene.round, {}
-    rows = []
+    its, arrays, rows = scene.round, Arrays(), []
     for k, (tried, seconds, texlets) in enumerate(zip(its.attempts, scene.seconds, scene.texlets, strict=True)):
         arrays |= _view_arrays(f"{k}", tried.view)
-        row = {
+        row: dict[str, Any] = {
             "present": list(tried.view.present),
             "grasp_type": tried.grasp_type,
             "probability": None if math.isnan(tried.probability) else tried.probability,
@@ -121,7 +120,7 @@ def _content(scene: ClearedScene, objects: Mapping[str, GraspObject]) -> tuple[d
         }
         arrays[f"{k}/T_world_tcp"] = tried.T_world_tcp
         if tried.clip is not None:
-            row |= {"filmed": list(tried.clip.objects), "links": list(tried.clip.links)}
+            row["filmed"], row["links"] = list(tried.clip.objects), list(tried.clip.links)
             arrays |= {f"{k}/{name}": np.asarray(getattr(tried.clip, name)) for name in _CLIP}
         rows.append(row)
     last = None

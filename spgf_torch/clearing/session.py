@@ -7,21 +7,23 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from spgf_torch.clearing.comparison import OtherRun, beside
 from spgf_torch.clearing.config import NETWORK, OURS, ClutterConfig
 from spgf_torch.clearing.contact_graspnet import ContactGraspNet
 from spgf_torch.clearing.learned import Learned
 from spgf_torch.clearing.methods import Ours
-from spgf_torch.clearing.outcomes import attempt_rows, clutter_results, csv_text, scene_row
+from spgf_torch.clearing.outcomes import RESULTS, attempt_rows, clutter_results, csv_text, scene_row
 from spgf_torch.clearing.processes import SceneTask, cleared_scenes
 from spgf_torch.clearing.rounds import ClearedScene
 from spgf_torch.clearing.scene_files import SceneFiles
 from spgf_torch.clearing.tables import causes_picture
-from spgf_torch.evaluation.files import write_json
+from spgf_torch.evaluation.files import rounded
+from spgf_torch.files.digests import sealed_json
 from spgf_torch.files.writing import write_bytes, write_text
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter, console
 
-RESULTS, ATTEMPTS, PER_SCENE, CAUSES = "results.json", "attempts.csv", "scenes.csv", "causes.png"
+ATTEMPTS, PER_SCENE, CAUSES = "attempts.csv", "scenes.csv", "causes.png"
 
 
 def scene_tasks(config: ClutterConfig, learned: Learned, objects: Sequence[GraspObject]) -> list[SceneTask]:
@@ -65,12 +67,12 @@ def cleared(
         console.print(f"{len(done)} of {len(tasks)} scenes are kept in {files.folder}")
     try:
         with stages.stage("scenes", len(left), "scenes") as advance, closing(cleared_scenes(left, config)) as ended:
-            for task, scene in ended if left else ():
-                if isinstance(scene, ClearedScene):
-                    files.write(scene)
-                    done[task.number] = scene
+            for task, result in ended:
+                if isinstance(result, ClearedScene):
+                    files.write(result)
+                    done[task.number] = result
                 else:
-                    died[task.number] = f"scene {task.number}: {scene}"
+                    died[task.number] = f"scene {task.number}: {result}"
                 advance(1)
     except KeyboardInterrupt:
         if done:
@@ -80,12 +82,19 @@ def cleared(
     return [done[number] for number in sorted(done)], [died[number] for number in sorted(died)]
 
 
-def write_files(scenes: Sequence[ClearedScene], config: ClutterConfig, folder: Path) -> dict[str, Any]:
-    """Write CSV, picture and results; return the results."""
+def write_files(
+    scenes: Sequence[ClearedScene], others: Sequence[OtherRun], config: ClutterConfig, folder: Path
+) -> dict[str, Any]:
+    """Write CSV, picture and results, those of other runs beside; return the results.
+
+    Raises InputError for a run of other scenes.
+    """
     results = clutter_results(scenes, config)
+    if others:
+        results["beside"] = beside(results, others, config)
     write_text(folder / ATTEMPTS, csv_text([row for scene in scenes for row in attempt_rows(scene)]))
     write_text(folder / PER_SCENE, csv_text([scene_row(scene) for scene in scenes]))
     if results["causes"]:
         write_bytes(folder / CAUSES, causes_picture(results["causes"], results["attempts"]))
-    write_json(folder / RESULTS, results)
+    write_bytes(folder / RESULTS, sealed_json(rounded(results), indent=1))
     return results

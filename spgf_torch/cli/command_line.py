@@ -41,6 +41,7 @@ _FOLDERS = {
     "judge",
     "ranges",
     "cgn",
+    "beside",
 }
 PATHS = _SCENE | _FOLDERS | {"prototypes_from", "hand.urdf", "urdf", "hydra.run.dir", "hydra.sweep.dir"}
 # Of these, what may hold numbers instead.
