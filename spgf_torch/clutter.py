@@ -14,6 +14,7 @@ from spgf_torch.clearing.config import ClutterConfig
 from spgf_torch.clearing.learned import Learned
 from spgf_torch.cli.command import run_command
 from spgf_torch.errors import IncompleteError
+from spgf_torch.extras import installed, remedy
 from spgf_torch.files.given_paths import check_folder
 from spgf_torch.progress import ProgressReporter, show
 
@@ -36,12 +37,12 @@ def run(config: ClutterConfig, folder: Path) -> None:
     from spgf_torch.clearing.comparison import OtherRun, beside_lines
     from spgf_torch.clearing.processes import made_with
     from spgf_torch.clearing.scene_files import SceneFiles
-    from spgf_torch.clearing.session import check_method, cleared, scene_tasks, write_files
+    from spgf_torch.clearing.session import check_method, cleared, scene_tasks, write_files, write_pictures
     from spgf_torch.clearing.tables import cause_lines, clutter_table
     from spgf_torch.handcheck.standing import tried_hand
 
     stages, others = ProgressReporter(), [OtherRun.read(other) for other in config.beside or ()]
-    tried_hand(config.hand, config.episode)
+    hand = tried_hand(config.hand, config.episode)
     objects = _objects(config, stages)
     tasks = scene_tasks(config, learned, objects)
     taught = check_method(config, learned, sorted({task.fold for task in tasks}, key=str))
@@ -51,10 +52,13 @@ def run(config: ClutterConfig, folder: Path) -> None:
     with files.open():
         scenes, died = cleared(tasks, files, config, stages)
         results = write_files(scenes, others, config, out)
+        pictures = write_pictures(scenes, results, others, hand, out)
     show(clutter_table(results))
     for line in (*cause_lines(results), *beside_lines(results), *_not_novel(objects, taught, config)):
         show(line)
-    show(f"results, attempts and settings in {out}")
+    show(f"results, attempts, {', '.join(pictures)} in {out}" if pictures else f"results and attempts in {out}")
+    if not installed("plotly"):
+        show(f"no page, for which {remedy('plotly')} is needed")
     if died:
         raise IncompleteError(
             f"{len(died)} of {len(tasks)} scenes without an end: {died[0]}; the same call with out={out} tries again"

@@ -10,7 +10,7 @@ import csv
 import io
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -116,7 +116,7 @@ def foretold(scenes: Sequence[ClearedScene], config: ClutterConfig) -> dict[str,
 
 def median_seconds(scenes: Sequence[ClearedScene]) -> dict[str, float]:
     """Of the processor, of an attempt."""
-    each = [[its.sensing, its.planning, its.execution] for scene in scenes for its in scene.seconds]
+    each = [[its.sensing, its.planning, its.execution] for scene in scenes for its in scene.measured]
     medians = np.median(each, axis=0) if each else np.zeros(3)
     return dict(zip(("sensing", "planning", "execution"), map(float, medians), strict=True))
 
@@ -146,7 +146,7 @@ def scene_row(scene: ClearedScene) -> Row:
 def attempt_rows(scene: ClearedScene) -> list[Row]:
     """Rows of `attempts.csv`: `x`, `y`, `z`: the TCP, m; `down`: 1 where the hand comes from straight above."""
     rows = []
-    for k, (tried, seconds, texlets) in enumerate(zip(scene.round.attempts, scene.seconds, scene.texlets, strict=True)):
+    for k, (tried, measured) in enumerate(zip(scene.round.attempts, scene.measured, strict=True)):
         x, y, z = tried.T_world_tcp[:3, 3].tolist()
         rows.append(
             {
@@ -161,8 +161,8 @@ def attempt_rows(scene: ClearedScene) -> list[Row]:
                 "cause": tried.cause,
                 "object": "" if tried.taken is None else scene.round.objects[tried.taken].name,
                 "touched": tried.touched,
-                **{"x": x, "y": y, "z": z, "down": -float(tried.T_world_tcp[2, 2]), "texlets": texlets},
-                **{"sensing": seconds.sensing, "planning": seconds.planning, "execution": seconds.execution},
+                **{"x": x, "y": y, "z": z, "down": -float(tried.T_world_tcp[2, 2])},
+                **asdict(measured),
             }
         )
     return rows

@@ -88,11 +88,11 @@ def clear(task: SceneTask, config: ClutterConfig) -> ClearedScene | InputError:
         with limited(config.time_limit):
             bench = bench_of(config, task.folders)
             placed = arranged(task.objects, config.count, task.seed, config.arrangement)
-            its, seconds, texlets = bench.clear(placed, task.seed, task.filmed)
+            its, measured = bench.clear(placed, task.seed, task.filmed)
     except InputError as error:
         return error
     name = f"{config.arrangement.kind} {task.seed}"
-    return ClearedScene(task.number, task.seed, task.fold, replace(its, name=name), tuple(seconds), tuple(texlets))
+    return ClearedScene(task.number, task.seed, task.fold, replace(its, name=name), measured)
 
 
 def bench_of(config: ClutterConfig, folders: tuple[str, str]) -> Bench:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.clearing.rounds import ClearedScene, Seconds
+from spgf_torch.clearing.rounds import ClearedScene, Measured
 from spgf_torch.drawing.clutter_records import Clip, Round, Tried, View
 from spgf_torch.errors import InputError
 from spgf_torch.files.digests import digest_of, sealed_json
@@ -105,7 +105,7 @@ class _OtherError(Exception):
 def _content(scene: ClearedScene, objects: Mapping[str, GraspObject]) -> tuple[dict[str, Any], Arrays]:
     """What goes into JSON, and the arrays."""
     its, arrays, rows = scene.round, Arrays(), []
-    for k, (tried, seconds, texlets) in enumerate(zip(its.attempts, scene.seconds, scene.texlets, strict=True)):
+    for k, (tried, measured) in enumerate(zip(its.attempts, scene.measured, strict=True)):
         arrays |= _view_arrays(f"{k}", tried.view)
         row: dict[str, Any] = {
             "present": list(tried.view.present),
@@ -115,8 +115,7 @@ def _content(scene: ClearedScene, objects: Mapping[str, GraspObject]) -> tuple[d
             "cause": tried.cause,
             "taken": tried.taken,
             "touched": tried.touched,
-            "seconds": asdict(seconds),
-            "texlets": texlets,
+            "measured": asdict(measured),
         }
         arrays[f"{k}/T_world_tcp"] = tried.T_world_tcp
         if tried.clip is not None:
@@ -147,11 +146,10 @@ def _scene(content: Mapping[str, Any], arrays: Arrays, objects: Mapping[str, Gra
         tried.append(Tried(_view(f"{k}", row["present"], arrays), *its, row["taken"], row["touched"], clip))
     last = None if content["last"] is None else _view("last", content["last"], arrays)
     things = [scaled(objects[each["name"]], each["scale"]) for each in content["objects"]]
-    seconds = tuple(Seconds(**row["seconds"]) for row in content["attempts"])
-    spent = sum(its.planning for its in seconds)
-    ended = Round(content["method"], content["name"], things, tried, content["ended"], last, spent)
-    texlets = tuple(row["texlets"] for row in content["attempts"])
-    return ClearedScene(content["number"], content["seed"], content["fold"], ended, seconds, texlets)
+    measured = tuple(Measured(**row["measured"]) for row in content["attempts"])
+    planned = sum(its.planning for its in measured)
+    ended = Round(content["method"], content["name"], things, tried, content["ended"], last, planned)
+    return ClearedScene(content["number"], content["seed"], content["fold"], ended, measured)
 
 
 def _view_arrays(prefix: str, view: View) -> Arrays:

@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from spgf_torch.clearing.comparison import OtherRun, beside
+from spgf_torch.clearing.comparison import OtherRun, beside, beside_lines
 from spgf_torch.clearing.config import NETWORK, OURS, ClutterConfig
 from spgf_torch.clearing.contact_graspnet import ContactGraspNet
 from spgf_torch.clearing.learned import Learned
 from spgf_torch.clearing.methods import Ours
-from spgf_torch.clearing.outcomes import RESULTS, attempt_rows, clutter_results, csv_text, scene_row
+from spgf_torch.clearing.outcomes import RESULTS, attempt_rows, clutter_results, csv_text, rates, scene_row
 from spgf_torch.clearing.processes import SceneTask, cleared_scenes
 from spgf_torch.clearing.rounds import ClearedScene
 from spgf_torch.clearing.scene_files import SceneFiles
-from spgf_torch.clearing.tables import causes_picture
+from spgf_torch.clearing.tables import cause_lines, causes_picture
+from spgf_torch.drawing.clutter_page import write_clutter_page
+from spgf_torch.drawing.clutter_records import Summary
+from spgf_torch.drawing.film import write_film
 from spgf_torch.evaluation.files import rounded
+from spgf_torch.extras import installed
 from spgf_torch.files.digests import sealed_json
 from spgf_torch.files.writing import write_bytes, write_text
+from spgf_torch.hands.hand import Hand
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter, console
 
 ATTEMPTS, PER_SCENE, CAUSES = "attempts.csv", "scenes.csv", "causes.png"
+PAGE, FILM = "index.html", "film.gif"
 
 
 def scene_tasks(config: ClutterConfig, learned: Learned, objects: Sequence[GraspObject]) -> list[SceneTask]:
@@ -98,3 +104,26 @@ def write_files(
         write_bytes(folder / CAUSES, causes_picture(results["causes"], results["attempts"]))
     write_bytes(folder / RESULTS, sealed_json(rounded(results), indent=1))
     return results
+
+
+def write_pictures(
+    scenes: Sequence[ClearedScene], results: Mapping[str, Any], others: Sequence[OtherRun], hand: Hand, folder: Path
+) -> list[str]:
+    """Write the film of the scene that was filmed, and the page where plotly is installed; their names.
+
+    The page lists other runs beside this one, and the worst scenes of this one.
+    """
+    films = [scene.round for scene in scenes if any(each.clip is not None for each in scene.round.attempts)]
+    for each in films[:1]:
+        write_film(folder / FILM, each, hand)
+    written = [FILM] * bool(films)
+    if not installed("plotly"):
+        return written
+    names = [f"{other.results['method']} ({other.folder.name})" for other in others]
+    methods = [rates(results, results["method"])]
+    methods += [rates(other.results, name) for other, name in zip(others, names, strict=True)]
+    views = f"{results['views']} view{'s' * (results['views'] > 1)}"
+    lines = [f"{results['arrangement']}, {views}, {results['hand']}, scenes of seeds from {results['seed']} on"]
+    summary = Summary("Clutter", methods, [*lines, *cause_lines(results)], beside_lines(results))
+    write_clutter_page(folder / PAGE, summary, [scene.round for scene in scenes], hand)
+    return [PAGE, *written]
