@@ -1,1 +1,1 @@
-"""What all pictures and pages share (`style`, `page`), and grasps in a scene as picture, page and table."""
+"""What all pictures and pages share (`style`, `page`); grasps in a scene as picture, page, table; clutter as page, film."""

@@ -114,6 +114,13 @@ def test_a_round_without_attempts_shows_what_was_seen(tmp_path: Path) -> None:
     assert [item["name"] for item in content(tmp_path / "a.html")["items"]] == ["the end"]
 
 
+def test_a_film_becomes_part_of_the_page(tmp_path: Path) -> None:
+    (tmp_path / "a.gif").write_bytes(b"GIF89a?")
+    write_clutter_page(tmp_path / "a.html", summary(), [], hand(), film=tmp_path / "a.gif")
+    text = (tmp_path / "a.html").read_text()
+    assert 'src="data:image/gif;base64,R0lGODlhPw=="' in text and 'id="worst"' not in text
+
+
 def test_a_cause_is_escaped() -> None:
     assert mark(replace(round_().attempts[0], cause="<b>")) == '<span class="failed">&lt;b&gt;</span> '
 
