@@ -104,7 +104,7 @@ class Clearance:
         between: m about the TCP, across closing and approach, as far as a point counts as between the fingers at least;
             across closing, fingers that are broader count as far as they reach. Those of the SDH-2's pinches (12 mm to
             either side) and of the Panda (9 mm) are not, so for both hands it is the number of conf/proposing.
-        way: m back along the approach that the hand comes from; what it may not touch at the grasp it may not touch there.
+        way: m back along the approach that the hand comes from: all that it sweeps counts as the hand.
         unseen_on_way: whether that goes for unseen space as well.
     """
 

@@ -12,8 +12,9 @@ up: a table takes part through what is free of it, not here.
   better side; n_min, n_max: mean cosine.
 - both_sides, log_both: points whose cosine with x is beyond 0.5 to either side, of the rarer side: any, log(1 + count).
 - reach: how deep the pads reach past the nearest point in front of them.
-- c_x, c_y, c_z, c_arm: the mean of all texlets: |x|, |y|, z, hypot(y, z). span: extent of all texlets along x over 2h.
-  size_1 to size_3: root mean square extents of the texlets along their principal axes.
+- c_x, c_y, c_z, c_arm: the mean of the body's texlets: |x|, |y|, z, hypot(y, z). span: their extent along x over 2h;
+  size_1 to size_3: their root mean square extents along their principal axes. The body is all that is seen, or of
+  several (`Seen.bodies`) the one nearest to the TCP.
 - views: how many images; 0: no image is known, and then the rest is 0 too.
 - from_seen: cosine-like, how far the hand comes from where the cameras are.
 - finger_near, finger_mid, finger_far: share of the fingers' inside that is unseen, by metres behind the seen surface
@@ -79,10 +80,6 @@ class Seen:
             return torch.zeros(len(places), dtype=torch.int64)
         return body_at(places, self.texlets.positions, self.bodies)
 
-    def of_body(self, body: int) -> Tensor:
-        """(N,) bool: the texlets of a body."""
-        return torch.ones(len(self.texlets), dtype=torch.bool) if self.bodies is None else self.bodies == body
-
 
 def judge_features(seen: Seen, hypotheses: Hypotheses, search: Search) -> Tensor:
     """(H, 31) f32, the numbers `NAMES` of each hypothesis."""
@@ -143,10 +140,12 @@ def between_pads(at: Tensor, cosine: Tensor, hand: HandGeometry) -> Tensor:
 
 def bodies(at: Tensor, T: Tensor, seen: Seen, hand: HandGeometry) -> Tensor:
     """(G, 8): the numbers `BODY` of hands at poses (G, 4, 4) against the body that each is at; all lie at (G, 3, N)."""
-    positions, which = seen.texlets.positions.float().cpu(), seen.body_at(T[:, :3, 3])
-    numbers = torch.zeros(len(T), len(BODY))
+    positions = seen.texlets.positions.float().cpu()
+    if seen.bodies is None:
+        return body(at, positions, hand)
+    which, numbers = seen.body_at(T[:, :3, 3]), torch.zeros(len(T), len(BODY))
     for number in which.unique().tolist():
-        its, own = which == number, seen.of_body(number)
+        its, own = which == number, seen.bodies == number
         numbers[its] = body(at[its][:, :, own], positions[own], hand)
     return numbers
 
