@@ -1,1 +1,1 @@
-"""What all pictures and pages share (`style`, `page`); grasps in a scene as picture, page, table; clutter as page, film."""
+"""What all pictures and pages share (`style`, `page`), and what they show: grasps in a scene, rounds of clutter."""
