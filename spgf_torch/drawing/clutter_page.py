@@ -42,7 +42,7 @@ def write_clutter_page(
         Section("rates", "Rates", cards(summary.methods[0]) + rates(summary.methods)),
         Section("causes", "Why attempts fail", causes(summary.methods)),
         *([Section("worst", "The worst scenes", caption(_SEEN) + views)] if drawn else []),
-        *([Section("film", "A round", _film_html(film))] if film else []),
+        *([Section("film", "A round, filmed", _film_html(film))] if film else []),
         Section("rounds", "All rounds", rounds_table(rounds, places)),
         *([Section("notes", "How to read this", f"<ul>{notes}</ul>")] if summary.notes else []),
     ]

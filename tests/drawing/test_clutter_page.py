@@ -53,7 +53,9 @@ def test_where_things_stand(written: Path) -> None:
     names = [trace.get("text") for trace in found["items"][3]["traces"]]
     assert "can" not in names and "box" in names and "cup" in names
     told = [item["told"] for item in found["items"]]
-    assert told[1] == "Attempt 1 of 2: NPG, foretold 62 %. Failed, dropped: it was held, and lost. Met on the way: cup."
+    assert (
+        told[1] == "Attempt 1 of 2: NPG, foretold 62 %. Failed, dropped: it was lost on lifting. Met on the way: cup."
+    )
     assert told[2] == "Attempt 2 of 2: WPG. Held can."
     assert told[3] == "What was left and seen at the end: no grasp."
 
