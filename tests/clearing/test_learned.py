@@ -80,6 +80,4 @@ def test_what_may_plan_is_told_apart_by_digests(run):
     before = Learned.of(config(model=run)).digests()
     (run / "judge.json").write_text("another")
     after = Learned.of(config(model=run)).digests()
-    assert (
-        len(before) == 4 and sum(a != b for a, b in zip(before, after, strict=True)) == 2
-    )  # model folder is the judge's
+    assert len(before) == 4 and sum(a != b for a, b in zip(before, after, strict=True)) == 2  # one folder holds both
