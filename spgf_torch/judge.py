@@ -43,11 +43,11 @@ def run(config: JudgeConfig, folder: Path) -> None:
     tables = course.tables()
     for line in hopeless_types(tables, config.hand.name):
         show(line)
-    judge, own = course.judge(tables)
+    lessons = course.judge(tables)
     if config.trials is None:
         write_tables(tables, folder / TRIALS)
-    size = course.save(judge, own, folder, "README.md")
-    show(executed_table(dict(judge.results["executed"]), config.best))
+    size = course.save(lessons, folder, "README.md")
+    show(executed_table(dict(lessons.judge.results["executed"]), config.best))
     show(f"judge of {size / 1e6:.2f} MB, trials and settings in {folder}, which predict and evaluate take as model=")
 
 

@@ -254,13 +254,13 @@ def _judge(
     from spgf_torch.judging.judge_training import TRIALS, write_tables
     from spgf_torch.judging.validation import executed_table
 
-    judge, own = course.judge(tables)
+    lessons = course.judge(tables)
     if made:
         write_tables(tables, folder / TRIALS)
         write_settings(folder, config)
-    course.save(judge, own, folder, "JUDGE.md")
-    show(executed_table(dict(judge.results["executed"]), course.shop.config.best))
-    return dict(judge.results)
+    course.save(lessons, folder, "JUDGE.md")
+    show(executed_table(dict(lessons.judge.results["executed"]), course.shop.config.best))
+    return dict(lessons.judge.results)
 
 
 def _design(objects: Sequence[GraspObject], config: TrainConfig) -> Design:

@@ -100,7 +100,7 @@ def _same_folds(
     """For each fold the model of `folder` that has seen none of the objects novel there; empty unless all have one."""
     if not (folder / FOLDER / LIST).is_file():
         return {}
-    theirs: FoldModels = load_fold_models(folder, config.device)
+    theirs: FoldModels[GraspModel] = load_fold_models(folder, config.device)
     found: dict[int, GraspModel] = {}
     for test in design.tests:
         novel = [objects[i] for i in design.novel(test)]

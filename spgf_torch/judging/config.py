@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from omegaconf import MISSING
+
 from spgf_torch.objects.config import ObjectsConfig
 from spgf_torch.proposing.config import HypothesesConfig, ProposingConfig
 from spgf_torch.sensing.config import SensingConfig
@@ -40,6 +42,7 @@ class JudgeConfig(ObjectsConfig):
     lowest_deg: float = bounded(-89.0, 89.0)
     highest_deg: float = bounded(-89.0, 89.0)
     folds: int = bounded(2, 50)
+    fold_judges: bool = MISSING
     form: str = choice("trees", "logistic")
     sure: float = bounded(0.0, 1.0)
     bootstrap: int = bounded(100, 1_000_000)

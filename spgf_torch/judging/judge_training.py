@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ from omegaconf import OmegaConf
 from spgf_torch.cache import Cache
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
+from spgf_torch.experiment.held_out import save_fold_judges
 from spgf_torch.experiment.labelled_grasps import open_hand, tables_of
 from spgf_torch.files.digests import sealed_yaml
 from spgf_torch.files.writing import write_bytes, write_text
@@ -43,6 +44,19 @@ from spgf_torch.threads import in_parts
 
 # Folders in a run's: random trials, where they were made, and those of the rounds.
 TRIALS, OWN_TRIALS = "trials", "own_trials"
+
+
+@dataclass(frozen=True)
+class Lessons:
+    """What a course ends with.
+
+    Attributes:
+        judge: of all objects. of_fold: fold -> a judge that has not seen its objects. own: the trials of the rounds.
+    """
+
+    judge: Judge
+    of_fold: Mapping[int, Judge]
+    own: Sequence[OwnTrials]
 
 
 @dataclass(frozen=True)
@@ -86,8 +100,8 @@ class Course:
         """The random trials on each object, tried here."""
         return random_tables(self.objects, self.shop)
 
-    def judge(self, tables: Sequence[TrialTable]) -> tuple[Judge, list[OwnTrials]]:
-        """The judge that random trials and those of the rounds teach, and the latter."""
+    def judge(self, tables: Sequence[TrialTable]) -> Lessons:
+        """What random trials and those of the rounds teach."""
         benches = self._benches()
         rows = Rows.together([self._surveyed(benches), random_rows(benches, tables, self.shop)])
         if not len(rows) or not rows.success.any():
@@ -100,7 +114,9 @@ class Course:
             its = self.given or own_round(benches, self._judges(rows), self.fold, number, self.shop)
             rows = Rows.together([rows, own_rows(benches, its, number, self.shop)])
             own = [OwnTrials.together(parts) for parts in zip(own, its, strict=True)] if own else its
-        return self._learned(rows, benches), self.given or own
+        with self.shop.stages.stage("learning", self.shop.config.folds, "judges") as advance:
+            of_fold = self._of_fold(rows, advance)
+        return Lessons(self._learned(rows, benches, of_fold), of_fold, self.given or own)
 
     def _benches(self) -> list[Bench]:
         """Each object with its clouds and, unless what was chosen of them is known, hypotheses."""
@@ -134,39 +150,61 @@ class Course:
                 advance(1)
         return judges
 
-    def _learned(self, rows: Rows, benches: Sequence[Bench]) -> Judge:
+    def _of_fold(self, rows: Rows, advance: Callable[[int], None]) -> dict[int, Judge]:
+        """Of each fold a judge that the rows of the others' objects teach, calibrated with what was executed on these.
+
+        The executed grasps were ranked by judges of which each had not seen its own fold, but this one's.
+        """
+        config, fold = self.shop.config, torch.from_numpy(self.fold)
+        best = validation_rows(rows, config)
+        judges = {}
+        for held_out in range(config.folds):
+            taught = [obj for obj, its in zip(self.objects, self.fold.tolist(), strict=True) if its != held_out]
+            judge = judge_of(learn_judge(rows.at(fold[rows.obj] != held_out), config), taught, config)
+            calibration = calibration_of(best.at(fold[best.obj] != held_out))
+            judges[held_out] = replace(judge, settings=self._settings(judge), calibration=calibration)
+            advance(1)
+        return judges
+
+    def _settings(self, judge: Judge) -> dict[str, Any]:
+        """A judge's, with how clouds were sensed, too: a judge alone tells predict the spacing of texlets."""
+        return {**judge.settings, "sensing": plain(self.shop.config.sensing)}
+
+    def _learned(self, rows: Rows, benches: Sequence[Bench], of_fold: Mapping[int, Judge]) -> Judge:
         """The judge that all rows teach, with how others did on objects that they had not seen."""
         config, shop = self.shop.config, self.shop
         with shop.stages.stage("fit", len(benches), "objects") as advance:
             work = in_parts(lambda bench: fits(bench.obj, shop.trials.hand, shop.search, config), benches)
             fit = {bench.index: (advance(1), its)[1] for bench, its in zip(benches, work, strict=True)}
-        with shop.stages.stage("learning", config.folds + 1, "judges") as advance:
+        with shop.stages.stage("learning", 1, "judges") as advance:
             results: dict[str, Any] = {
                 "executed": executed(rows, benches, self.fold, fit, config),
                 "unfit": {
                     name: [bench.obj.name for bench in benches if not fit[bench.index][on_table]]
                     for name, on_table in (("alone", False), ("on a table", True))
                 },
-                "cross_validated": cross_validated(rows, benches, self.fold, config),
+                "cross_validated": cross_validated(rows, benches, self.fold, of_fold),
                 "rows": len(rows),
                 "trials": _counted(rows),
             }
-            advance(config.folds)
             judge = judge_of(learn_judge(rows, config), self.objects, config)
             advance(1)
         calibration = calibration_of(validation_rows(rows, config))
-        # How clouds were sensed, too: a judge alone tells predict the spacing of texlets.
-        settings = {**judge.settings, "sensing": plain(config.sensing)}
-        return replace(judge, results=results, settings=settings, calibration=calibration)
+        return replace(judge, results=results, settings=self._settings(judge), calibration=calibration)
 
-    def save(self, judge: Judge, own: Sequence[OwnTrials], folder: Path, card: str) -> int:
-        """Write the judge, its card by the name `card`, and the trials of the rounds; bytes of the judge's arrays."""
-        size = save_judge(judge, folder)
-        write_text(folder / card, judge_card(judge, self.shop.config, size))
+    def save(self, lessons: Lessons, folder: Path, card: str) -> int:
+        """Write the judge, its card by the name `card`, and the trials of the rounds; bytes of the judge's arrays.
+
+        With `fold_judges` those of the folds, too.
+        """
+        size = save_judge(lessons.judge, folder)
+        write_text(folder / card, judge_card(lessons.judge, self.shop.config, size))
         if self.given is None:
             (folder / OWN_TRIALS).mkdir()
-            for its in own:
+            for its in lessons.own:
                 write_own(folder / OWN_TRIALS, its)
+        if self.shop.config.fold_judges:
+            save_fold_judges(lessons.of_fold, self.objects, self.fold.tolist(), folder)
         return size
 
 

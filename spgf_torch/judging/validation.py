@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,11 @@ from rich import box
 from rich.table import Table
 from torch import Tensor
 
-from spgf_torch.evaluation.reliability import brier, reliability
+from spgf_torch.evaluation.reliability import auc, brier, reliability
 from spgf_torch.judging.config import JudgeConfig
-from spgf_torch.judging.learning import calibration_of, judge_of, learn_judge
+from spgf_torch.judging.learning import calibration_of
 from spgf_torch.judging.training_rows import PICKED, SAMPLED, Bench, Rows
-from spgf_torch.proposing.judge import KNOWN, calibrated
+from spgf_torch.proposing.judge import KNOWN, Judge, calibrated
 from spgf_torch.proposing.judge_features import NAMES
 
 
@@ -97,20 +98,22 @@ def kinds(benches: Sequence[Bench]) -> dict[str, dict[int, list[int]]]:
     return dict(sorted(found.items()))
 
 
-def cross_validated(rows: Rows, benches: Sequence[Bench], fold: np.ndarray, config: JudgeConfig) -> dict[str, Any]:
+def cross_validated(
+    rows: Rows, benches: Sequence[Bench], fold: np.ndarray, judges: Mapping[int, Judge]
+) -> dict[str, Any]:
     """AUC, Brier score and ECE over all hypotheses that were tried, by judges that had not seen their object.
 
-    Of each kind of cloud; with images and, of the same clouds, without.
+    Of each kind of cloud; with images and, of the same clouds, without. Probabilities are those before calibration.
+
+    Args:
+        fold: (objects,) int, of each object. judges: fold -> one that has not seen its objects.
     """
     folds = torch.from_numpy(fold)[rows.obj]
     said = {known: torch.zeros(len(rows), dtype=torch.float64) for known in KNOWN}
-    for held_out in range(config.folds):
-        taught, asked = rows.at(folds != held_out), folds == held_out
-        if not len(taught) or not asked.any():
-            continue
-        judge = judge_of(learn_judge(taught, config), [], config)
+    for held_out, judge in judges.items():
+        asked, bare = folds == held_out, replace(judge, calibration={})
         for known in KNOWN:
-            said[known][asked] = judge.probability(rows.numbers[asked], known == "images").double()
+            said[known][asked] = bare.probability(rows.numbers[asked], known == "images").double()
     found: dict[str, Any] = {}
     for name, clouds in kinds(benches).items():
         of_kind = rows.home & (rows.rank > SAMPLED) & _in(rows, clouds)
@@ -124,17 +127,6 @@ def cross_validated(rows: Rows, benches: Sequence[Bench], fold: np.ndarray, conf
                 "ece": reliability(p_kind, success).ece,
             }
     return found
-
-
-def auc(score: np.ndarray, success: np.ndarray) -> float:
-    """Area under the ROC curve: how often a success has the higher score of a pair; 0.5 where there are no pairs."""
-    positives, negatives = int(success.sum()), int((~success).sum())
-    if not positives or not negatives:
-        return 0.5
-    values, at = np.unique(score, return_inverse=True)
-    count = np.bincount(at, minlength=len(values))
-    rank = np.cumsum(count) - (count - 1) / 2  # of ties the mean, from 1
-    return float((rank[at][success].sum() - positives * (positives + 1) / 2) / (positives * negatives))
 
 
 def executed_table(results: dict[str, dict[str, Any]], best: int) -> Table:

@@ -9,7 +9,7 @@ each method ranks grasps for that cloud, and SAPIEN tries the ten best. Missing 
 - judge, antipodal: ours, and our baseline without learning, from the same hypotheses; random: these in random order.
 - votes: `proposing.propose` with `model`, of the same hand.
 - Contact-GraspNet: as it ranks, and, as "free", without what our collision filter knows to collide; where `cgn` is the
-  Python that has it (`shared/contact_graspnet.py` says how) and the hand is the Panda.
+  Python that has it (`spgf_torch/clearing/contact_graspnet.py` says how) and the hand is the Panda.
 
 The hand is the judge's. Seconds are of the processor for a cloud, on one thread, without sensing. Intervals are 95 %
 bootstraps over objects, of each the mean over seeds; differences are paired.

@@ -15,6 +15,7 @@ from sklearn.metrics import roc_auc_score
 
 from spgf_torch.cache import Cache
 from spgf_torch.errors import InputError
+from spgf_torch.experiment.held_out import load_fold_judges
 from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.judge import run as learn
@@ -44,6 +45,7 @@ ROOT = Path(__file__).parents[2]
 OBJECTS = ("soap_bar", "egg", "box_tea", "tumbler")
 TINY = [
     "folds=2",
+    "fold_judges=true",
     "candidates=12",
     "rounds=1",
     "best=3",
@@ -92,7 +94,7 @@ def bench() -> tuple[Bench, Search, JudgeConfig]:
 
 def test_the_command_leaves_a_judge(place: Path) -> None:
     run = place / "outputs/judge/latest"
-    tables = {"trials", "own_trials"}
+    tables = {"trials", "own_trials", "folds"}
     assert {p.name for p in run.iterdir()} == {"config.yaml", "judge.json", "judge.safetensors", "README.md", *tables}
     judge = load_judge(run)
     assert set(judge.taught) == set(OBJECTS) and judge.sure == 0.8
@@ -103,6 +105,20 @@ def test_the_command_leaves_a_judge(place: Path) -> None:
     assert set(judge.calibration) == {"one", "more"} and judge.results["unfit"].keys() == {"alone", "on a table"}
     card, told = (run / "README.md").read_text(), (place / "stdout.txt").read_text()
     assert all(kind in card and kind in told for kind in kinds) and "top 3" in told
+
+
+def test_each_fold_has_a_judge_that_has_not_seen_its_objects(place: Path) -> None:
+    """Of each object, by its digest, exactly one of the two judges has not learned from it."""
+    folds = load_fold_judges(place / "outputs/judge/latest")
+    objects = load_objects(place / "objects")
+    assert set(folds.models) == {0, 1} and {folds.fold_of(obj) for obj in objects} == {0, 1}
+    for obj in objects:
+        assert [obj.name in folds.models[fold].taught for fold in (0, 1)] == [
+            folds.fold_of(obj) == 1,
+            folds.fold_of(obj) == 0,
+        ]
+    one, other = (folds.models[fold].factors["images", "holds"].log_odds(torch.zeros(1, 31)) for fold in (0, 1))
+    assert one != other and all(set(judge.calibration) == {"one", "more"} for judge in folds.models.values())
 
 
 def test_the_same_call_gives_the_same_judge_and_tries_nothing_again(

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import torch
 
-from shared.contact_graspnet import ContactGraspNet, raw_cloud
+from shared.contact_graspnet import raw_cloud
 from shared.harness import Report, threads
 from spgf_torch.affordance.model import load_model
+from spgf_torch.clearing.contact_graspnet import ContactGraspNet
 from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.judging.clouds import Cloud
@@ -79,7 +80,7 @@ def peers(judge: Judge, given: dict[str, str], report: Report) -> Peers:
         ours["votes"] = lambda cloud: voted(proposer, cloud)
     network = None
     if "cgn" not in given:
-        report.skip("Contact-GraspNet: no cgn=PYTHON was given (tests/benchmarks/shared/contact_graspnet.py)")
+        report.skip("Contact-GraspNet: no cgn=PYTHON was given (spgf_torch/clearing/contact_graspnet.py)")
     elif hand.name != "panda":
         report.skip(f"Contact-GraspNet: its hand is the Panda, the judge's {hand.name}")
     else:

@@ -2,6 +2,7 @@
 
     PYTHON cgn_worker.py                    # whether it runs here
     PYTHON cgn_worker.py CLOUDS.npz GRASPS.npz
+    PYTHON cgn_worker.py serve              # CLOUDS.npz and GRASPS.npz, a line each, again and again; answers a line
 
 It imports nothing of ours but `point_clusters`, which takes the place of torch_cluster. The network is called directly:
 the wheel's own `inference` clamps its widths to half the hand's and builds its poses in a loop in Python.
@@ -36,7 +37,14 @@ def network() -> torch.nn.Module:
     return net.eval()
 
 
-def poses(contacts, closing, approach, width, gripper_depth, width_labels=None):
+def poses(
+    contacts: torch.Tensor,
+    closing: torch.Tensor,
+    approach: torch.Tensor,
+    width: torch.Tensor,
+    gripper_depth: float,
+    width_labels: object = None,
+) -> torch.Tensor:
     """(G, 4, 4) of the hand's base, +z the approach and +x from the contact (G, 3) to the other side.
 
     As `CGN.build_6d_grasps`, all at once.
@@ -71,16 +79,14 @@ def predict(net: torch.nn.Module, points: np.ndarray, on_object: np.ndarray, see
     return T[order], confidence[order]
 
 
-def main() -> None:
-    torch.set_num_threads(1)
-    net = network()
-    if len(sys.argv) == 1:
-        return
-    with np.load(sys.argv[1]) as given:
-        points, on_object, seeds = given["points"], given["on_object"], given["seeds"]
-        ends = given["counts"].cumsum()[:-1]
+def answer(net: torch.nn.Module, given: str, got: str, warm: bool) -> None:
+    """Write the grasps of each cloud in the file `given` to the file `got`; `warm`: the network has been called."""
+    with np.load(given) as arrays:
+        points, on_object, seeds = arrays["points"], arrays["on_object"], arrays["seeds"]
+        ends = arrays["counts"].cumsum()[:-1]
     clouds = list(zip(np.split(points, ends), np.split(on_object, ends), seeds.tolist(), strict=True))
-    predict(net, *clouds[0])  # compiled
+    if not warm:
+        predict(net, *clouds[0])  # compiled
     found, seconds = [], []
     for cloud in clouds:
         start = time.process_time()
@@ -88,7 +94,20 @@ def main() -> None:
         seconds.append(time.process_time() - start)
     T, confidence = (np.concatenate(parts) for parts in zip(*found, strict=True))
     counts = np.array([len(its) for _, its in found])
-    np.savez(sys.argv[2], T_base=T, confidence=confidence, counts=counts, seconds=np.array(seconds))
+    np.savez(got, T_base=T, confidence=confidence, counts=counts, seconds=np.array(seconds))
+
+
+def main() -> None:
+    torch.set_num_threads(1)
+    net = network()
+    if sys.argv[1:] == ["serve"]:
+        warm = False
+        while given := sys.stdin.readline().rstrip("\n"):
+            answer(net, given, sys.stdin.readline().rstrip("\n"), warm)
+            warm = True
+            print("answered", flush=True)
+    elif len(sys.argv) == 3:
+        answer(net, sys.argv[1], sys.argv[2], False)
 
 
 if __name__ == "__main__":
