@@ -1,9 +1,10 @@
 """How many candidates are tried on an object where a budget allots them (`simulate budget=...`).
 
-The budget counts trials that need physics: of a candidate whose open hand cuts the object geometry tells, and it costs
-nothing. Candidates are taken in the order in which they were sampled, as many of each grasp type, until so many of them
-need physics. So hard objects, on which few candidates are free, get more of them than easy ones, and what is tried on
-an object is a random sample: docs/howto/budget.md has what was measured, and why types share a number.
+The budget counts trials that need physics: of a candidate whose open hand cuts the object, or in a robot's episode
+meets it or the table on its way, geometry tells, and it costs nothing. Candidates are taken in the order in which they
+were sampled, as many of each grasp type, until so many of them need physics. So hard objects, on which few candidates
+are free, get more of them than easy ones, and what is tried on an object is a random sample: docs/howto/budget.md has
+what was measured, and why types share a number.
 
 All follows from geometry alone: from no outcome, no other object, and not from when and where trials run.
 """
@@ -27,9 +28,12 @@ Geometry = Callable[[np.ndarray], bool]
 
 
 def open_hand(obj: GraspObject, trials: Trials, grasp_type: str) -> Geometry:
-    """Return the pre-check of collisions of the open hand."""
+    """Return the pre-check of collisions of the open hand; of a robot's episode also those on its way, with a table."""
+    from spgf_torch.simulation.arrival import Arrival
     from spgf_torch.simulation.precheck import PreCheck
 
+    if trials.episode.robot is not None:
+        return Arrival(obj, trials.hand, trials.episode.robot, grasp_type).collides
     return PreCheck(obj, trials.hand.preshapes[grasp_type]).collides
 
 

@@ -1,7 +1,7 @@
 """A trial as a robot makes it: from a table or out of the air, squeezing on, turned, with what it does not know drawn.
 
 In the frame of the hand, as `episode`: while it lifts, the table sinks away from it, and while it turns, gravity does.
-How far the hand comes freely is geometry's to say (`precheck.ApproachCheck`); physics begins with closing.
+How far the hand comes freely is geometry's to say (`arrival`); physics begins with closing.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ import numpy as np
 
 from spgf_torch.hands.preshape import Preshape
 from spgf_torch.objects.grasp_object import GraspObject
+from spgf_torch.simulation.arrival import Arrival
 from spgf_torch.simulation.articulation import physx, pose_of, sapien
 from spgf_torch.simulation.config import EpisodeConfig
-from spgf_torch.simulation.draws import Draw, StablePoses, drawn
+from spgf_torch.simulation.draws import Draw
 from spgf_torch.simulation.episode import CHECK_STEPS, Simulator, Trial
 from spgf_torch.simulation.fast_forward import FastForward
 from spgf_torch.simulation.fingers import Begun
 from spgf_torch.simulation.label import Label
-from spgf_torch.simulation.precheck import ApproachCheck
 
 if TYPE_CHECKING:
     from spgf_torch.hands.hand import Hand
@@ -34,23 +34,21 @@ class RobotTrials:
 
     def __init__(self, obj: GraspObject, hand: Hand, episode: EpisodeConfig, grasp_type: str) -> None:
         assert episode.robot is not None
-        self.obj, self.grasp_type, self.config = obj, grasp_type, episode.robot
-        self.poses = StablePoses.of(obj) if self.config.rest == "stable" else StablePoses.upright(obj)
-        self.check = ApproachCheck(obj, hand.preshapes[grasp_type], self.config.approach)
+        self.grasp_type, self.arrival = grasp_type, Arrival(obj, hand, episode.robot, grasp_type)
         self.simulator = Simulator(obj, hand, episode)
         preshape, self.forward = hand.preshapes[grasp_type], None
-        if self.config.fast_forward and len(preshape.closing.phases) == 1:
+        if episode.robot.fast_forward and len(preshape.closing.phases) == 1:
             self.forward = FastForward.of(hand, grasp_type, episode)
         self.lost = "+".join(group_names(preshape))
 
     def run(self, T_object_tcp: np.ndarray) -> Label:
         """How the grasp at T_object_tcp (4, 4) ends."""
-        draw = drawn(self.obj, self.poses, T_object_tcp, self.config, self.config.draw)
-        if met := self.check.met(draw.T_object_tcp, draw.up, draw.height):
+        draw = self.arrival.drawn(T_object_tcp)
+        if met := self.arrival.met(draw):
             return Label("collision", "approach", met)
         begun = None
         if self.forward is not None:
-            begun = self.forward.until(self.check.there, draw.T_object_tcp, draw.up, draw.height)
+            begun = self.forward.until(self.arrival.check.there, draw.T_object_tcp, draw.up, draw.height)
             if begun is None:
                 return Label("missed", "close", "nothing", lost=self.lost)
         return RobotTrial(self.simulator, draw, self.grasp_type).label(begun)

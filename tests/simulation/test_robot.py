@@ -18,6 +18,7 @@ from spgf_torch.hands.hand import Hand, load_hand
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import root
 from spgf_torch.settings import typed
+from spgf_torch.simulation.allotment import open_hand
 from spgf_torch.simulation.config import EpisodeConfig
 from spgf_torch.simulation.draws import StablePoses, drawn
 from spgf_torch.simulation.episode import Simulator
@@ -158,14 +159,23 @@ def test_draws_lie_in_their_ranges_and_follow_from_the_pose() -> None:
     assert np.mean([abs(draw.up[0]) > 0.5 for draw in draws]) == pytest.approx(widest, abs=0.08)
 
 
+def test_a_budget_counts_what_meets_nothing_on_its_way(jaw: Hand) -> None:
+    """From above free; from the side, 5 mm too low for the palm, only the table forbids it."""
+    obj, config = box((0.06, 0.06, 0.1)), episode(floating=0, **EXACT)
+    needs = [not open_hand(obj, Trials(jaw, config), "WPG")(T) for T in (from_above(0.08), from_side(0.025))]
+    assert needs == [True, False]
+    bare = replace(config, robot=None)
+    assert not open_hand(obj, Trials(jaw, bare), "WPG")(from_side(0.025))
+
+
 def test_gravity_is_turned_by_a_right_angle_at_a_time(jaw: Hand) -> None:
     """From above, gravity is along the approach at first: +z of the TCP, then -x, -y, -z, x, y."""
     config = episode(floating=0, **EXACT)
     trials = RobotTrials(box((0.038, 0.06, 0.1)), jaw, config, "WPG")
     T, robot = from_above(0.08), config.robot
     assert robot is not None
-    draw = drawn(trials.obj, trials.poses, T, robot, 0)
-    (phase, lift), *moves = RobotTrial(Simulator(trials.obj, jaw, config), draw, "WPG")._moves()
+    draw = drawn(trials.arrival.obj, trials.arrival.poses, T, robot, 0)
+    (phase, lift), *moves = RobotTrial(Simulator(trials.arrival.obj, jaw, config), draw, "WPG")._moves()
     assert phase == "lift" and len(lift) == 100 and np.allclose(lift, [0, 0, -12.81])
     assert [phase for phase, _ in moves] == ["turn", "shake"] * 6
     ends = np.array([turn[-1] for _, turn in moves[::2]]) @ T[:3, :3]
@@ -181,7 +191,7 @@ def test_the_table_bears_the_object_and_sinks(jaw: Hand) -> None:
     config = episode(floating=0, **EXACT)
     trials = RobotTrials(box((0.038, 0.06, 0.1)), jaw, config, "WPG")
     assert config.robot is not None
-    draw = drawn(trials.obj, trials.poses, from_above(0.3), config.robot, 0)
+    draw = drawn(trials.arrival.obj, trials.arrival.poses, from_above(0.3), config.robot, 0)
     trial = RobotTrial(trials.simulator, draw, "WPG")
     for _ in range(100):
         trial._step()
@@ -195,10 +205,10 @@ def test_mass_and_friction_are_those_drawn(jaw: Hand) -> None:
     config = episode(floating=1, rest="upright")
     trials = RobotTrials(box((0.038, 0.06, 0.1), 0.4), jaw, config, "WPG")
     assert config.robot is not None
-    draw = drawn(trials.obj, trials.poses, from_above(0.08), config.robot, 3)
+    draw = drawn(trials.arrival.obj, trials.arrival.poses, from_above(0.08), config.robot, 3)
     trial = RobotTrial(trials.simulator, draw, "WPG")
     assert trial.object.mass == pytest.approx(0.4 * draw.mass) and draw.mass != 1
-    assert np.allclose(trial.object.inertia, np.linalg.eigvalsh(trials.obj.inertia) * draw.mass, rtol=1e-5)
+    assert np.allclose(trial.object.inertia, np.linalg.eigvalsh(trials.arrival.obj.inertia) * draw.mass, rtol=1e-5)
     assert trial.object.collision_shapes[0].physical_material.dynamic_friction == pytest.approx(0.6 * draw.friction)
 
 
