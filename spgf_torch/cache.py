@@ -65,6 +65,10 @@ class Cache:
         self.hits: Counter[str] = Counter()
         self._lock, self._written, self._size, self._warned = Lock(), 0, 0, False
 
+    def __reduce__(self) -> tuple[type[Cache], tuple[None]]:
+        """Keep nothing on another machine, where the folder may be another's or none."""
+        return Cache, (None,)
+
     @staticmethod
     def open(folder: str | None, gigabytes: float) -> Cache:
         """The cache that the settings `cache` and `cache_gb` name; `off` or null for none."""
