@@ -5,8 +5,8 @@
 The objects are those of `generate seed=0`, with a thousand candidates of each type on each, as `simulate` samples them.
 Their outcomes are NOT simulated: each is drawn at random, a success in four, since costs alone are measured here and
 they hardly depend on outcomes. So no rate of these runs means anything. Other keys are given to `train`, as K=20 or
-runner=dask address=tcp://HOST:8786; processor time and memory are then those of the calling process alone. The last
-column is the beginning of the SHA-256 of the model and of what was predicted, to compare runs by.
+runner=dask address=tcp://HOST:8786; processor time and memory are then those of the calling process alone. The
+digest is the beginning of the SHA-256 of the model and of what was predicted, to compare runs by.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def main(arguments: list[str]) -> None:
     """A line a count."""
     keys = [argument for argument in arguments if "=" in argument]
     counts = [int(argument) for argument in arguments if "=" not in argument] or list(COUNTS)
-    print(f"{'objects':>8} {'processor s':>12} {'s':>8} {'GB':>6} {'model MB':>9}   seconds of stages")
+    print(f"{'objects':>8} {'processor s':>12} {'s':>8} {'GB':>6} {'model MB':>9}   {'digest':16}   seconds of stages")
     for count in counts:
         with tempfile.TemporaryDirectory(prefix="spgf-many-") as name:
             folder = Path(name)
