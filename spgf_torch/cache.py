@@ -206,7 +206,8 @@ def _tokens(value: Any) -> Iterator[bytes | memoryview]:
     elif value is None or isinstance(value, bool | int | float | str):
         yield f"{type(value).__name__} {value!r}".encode()
     elif isinstance(value, np.ndarray):
-        yield from (f"array {value.dtype.str} {value.shape}".encode(), np.ascontiguousarray(value).tobytes())
+        content = np.ascontiguousarray(value).reshape(-1).view(np.uint8)  # no copy: it may be a gigabyte
+        yield from (f"array {value.dtype.str} {value.shape}".encode(), content.data)
     elif isinstance(value, Mapping):
         yield f"mapping {len(value)}".encode()
         for key in sorted(value):
