@@ -65,6 +65,10 @@ class Cache:
         self.hits: Counter[str] = Counter()
         self._lock, self._written, self._size, self._warned = Lock(), 0, 0, False
 
+    def __reduce__(self) -> tuple[type[Cache], tuple[None]]:
+        """Keep nothing on another machine, where the folder may be another's or none."""
+        return Cache, (None,)
+
     @staticmethod
     def open(folder: str | None, gigabytes: float) -> Cache:
         """The cache that the settings `cache` and `cache_gb` name; `off` or null for none."""
@@ -202,7 +206,8 @@ def _tokens(value: Any) -> Iterator[bytes | memoryview]:
     elif value is None or isinstance(value, bool | int | float | str):
         yield f"{type(value).__name__} {value!r}".encode()
     elif isinstance(value, np.ndarray):
-        yield from (f"array {value.dtype.str} {value.shape}".encode(), np.ascontiguousarray(value).tobytes())
+        content = np.ascontiguousarray(value).reshape(-1).view(np.uint8)  # no copy: it may be a gigabyte
+        yield from (f"array {value.dtype.str} {value.shape}".encode(), content.data)
     elif isinstance(value, Mapping):
         yield f"mapping {len(value)}".encode()
         for key in sorted(value):

@@ -187,6 +187,7 @@ def _votes(
     from spgf_torch.evaluation.files import write_per_object
     from spgf_torch.evaluation.predictions import Predictions, write_predictions
     from spgf_torch.evaluation.results import build_results
+    from spgf_torch.experiment.cluster import cluster_of
     from spgf_torch.experiment.costs import prediction_ms
     from spgf_torch.experiment.dictionary import load_dictionary
     from spgf_torch.experiment.experiment import Experiment
@@ -197,8 +198,9 @@ def _votes(
     if (dictionary := load_dictionary(config, design, objects)) is not None:
         show(dictionary.told)
     describer = _describer(config, cache)
-    examples = _examples(config, describer, objects, tables, stages)
-    learned = Experiment.of(config, design, objects, examples, cache, dictionary).run(stages)
+    with cluster_of(config.address) as cluster:
+        examples = _examples(replace(describer, cluster=cluster), objects, tables, stages)
+        learned = Experiment.of(config, design, objects, examples, cache, dictionary).run(stages, cluster)
     scores = learned.scores
     if config.ranking == JUDGE:
         from spgf_torch.judging.candidates import CandidateRanking  # brings scikit-learn
@@ -206,16 +208,15 @@ def _votes(
         judged = CandidateRanking.of(config, cache).scores(design, objects, tables, examples, stages)
         scores = [each.joined_by(JUDGE, score) for each, score in zip(scores, judged, strict=True)]
 
-    rows = zip(objects, tables, scores, design.fold.tolist(), strict=True)
-    predictions, model = [Predictions.of(*row) for row in rows], learned.model
+    rows, model = zip(objects, tables, scores, design.fold.tolist(), strict=True), learned.model
+    predictions = [Predictions.of(*row) for row in rows]
     results = build_results(predictions, config, dataset_digest(objects, tables)) | {"from_cache": dict(cache.hits)}
     if dictionary is not None:
         results["prototypes_from"] = dict(dictionary.about)
     if model is not None:
         size = save_model(model, folder)
         results["costs"] = {"model_bytes": size, "prediction_ms": prediction_ms(model, describer, objects, tables)}
-        trials = sum(map(len, tables))
-        write_text(folder / "README.md", model_card(results, config, len(objects), trials, size))
+        write_text(folder / "README.md", model_card(results, config, len(objects), sum(map(len, tables)), size))
     if learned.of_fold:
         save_fold_models(learned.of_fold, objects, design.fold.tolist(), folder)
     write_per_object(folder / "per_object.csv", predictions, config.N)
@@ -224,17 +225,10 @@ def _votes(
 
 
 def _examples(
-    config: TrainConfig,
-    describer: Describer,
-    objects: Sequence[GraspObject],
-    tables: Sequence[TrialTable],
-    stages: ProgressReporter,
+    describer: Describer, objects: Sequence[GraspObject], tables: Sequence[TrialTable], stages: ProgressReporter
 ) -> list[DescribedObject]:
-    """The objects with the outcomes of their trials, described here or on the workers of a cluster."""
-    from spgf_torch.experiment.cluster import cluster_of
-
-    with cluster_of(config.address) as cluster:
-        described = replace(describer, cluster=cluster).describe(objects, tables, stages)
+    """The objects with the outcomes of their trials."""
+    described = describer.describe(objects, tables, stages)
     return [obj.with_success(table.success) for obj, table in zip(described, tables, strict=True)]
 
 

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import pickle
 import subprocess
 import sys
 import time
@@ -261,3 +262,9 @@ def test_an_upgraded_library_changes_the_fingerprint(library: str, toy: Path, mo
     monkeypatch.setattr(module, "version", lambda name: f"{version(name)}.1" if name == library else version(name))
     code_fingerprint.cache_clear()
     assert code_fingerprint("toy.start") != before
+
+
+def test_on_another_machine_nothing_is_kept(tmp_path: Path) -> None:
+    there = pickle.loads(pickle.dumps(Cache(tmp_path)))
+    assert there.folder is None and not there.holds("kind", "key")
+    assert there.tensors("kind", "key", lambda: {"x": torch.ones(1)})["x"] == 1 and not [*tmp_path.iterdir()]

@@ -21,7 +21,7 @@ from torch import Tensor
 
 from spgf_torch.affordance.calibration import NUMBERS, Calibration, uncalibrated
 from spgf_torch.affordance.config import AffordanceConfig
-from spgf_torch.affordance.neighbourhood import Condensed, ShapeGraspSpace, condense, condense_space
+from spgf_torch.affordance.neighbourhood import Condensed, condense
 from spgf_torch.affordance.pairs import CellPairs, grid_of, shape_grasp_particles
 from spgf_torch.affordance.voting import Votes, VotingIndex, cast_votes
 from spgf_torch.errors import InputError
@@ -126,13 +126,6 @@ def learn(
     parts = [shape_grasp_particles(pairs, ids, types, success) for pairs, ids, success in examples]
     condensed = condense(parts, len(centres), grid, kernel, config.min_support)
     return GraspModel(centres, condensed, grid, uncalibrated(condensed.base_rate))
-
-
-def learn_from(space: ShapeGraspSpace, base_rate: Tensor, centres: Tensor, config: AffordanceConfig) -> GraspModel:
-    """The same, given the space of the training objects and the base rate (types,) of each grasp type."""
-    grid = grid_of(config)
-    condensed = condense_space(space, base_rate, grid, kernel_of(config), config.min_support)
-    return GraspModel(centres, condensed, grid, uncalibrated(base_rate))
 
 
 def vote(index: VotingIndex, pairs: CellPairs, ids: Tensor) -> Votes:

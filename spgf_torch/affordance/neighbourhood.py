@@ -11,15 +11,16 @@ The points are the cells of the SE(3) grid that hold at least one particle; near
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from spgf_torch.affordance.particles import Particles, known_outcomes
 from spgf_torch.geometry.se3_grid import Kernel, SE3Grid
-from spgf_torch.ops.neighbourhood_analysis import Filling, Queries, Space, Weights, populate
+from spgf_torch.ops.neighbourhood_analysis import Queries, Space, Weights, populate
 from spgf_torch.ops.neighbourhood_analysis import analyse as counts_around
 from spgf_torch.ops.neighbourhood_analysis import condense as significant_cells
 from spgf_torch.ops.outcome_counts import outcome_counts as outcomes_of_partitions
@@ -42,17 +43,6 @@ class ShapeGraspSpace:
         success, partitions = [known_outcomes(part.success) for part in parts], prototypes * parts[0].types
         return ShapeGraspSpace(Space(*populate(partition, cell, success, partitions, grid.numbers)))
 
-    @staticmethod
-    def in_turn(parts: Iterable[Particles], counts: Tensor, grid: SE3Grid) -> ShapeGraspSpace:
-        """The same of parts that are made one after the other and dropped, given the sum of their `partition_counts`.
-
-        It takes the memory of one number a particle.
-        """
-        filling = Filling(counts.sum(1), grid.numbers)
-        for part in parts:
-            filling.add(part.partition, part.cell, known_outcomes(part.success))
-        return ShapeGraspSpace(filling.space())
-
 
 @dataclass(frozen=True)
 class Counts:
@@ -72,11 +62,33 @@ class Counts:
         columns = (column.split(sizes) for column in (self.successes, self.particles, self.own_count))
         return [Counts(*part) for part in zip(*columns, strict=True)]
 
+    @staticmethod
+    def gathered(parts: Sequence[Counts], part_of: Tensor) -> Counts:
+        """Counts of points (Q,) in their order, given those of each part's points; part_of (Q,): the part of each."""
+        if len(parts) == 1:
+            return parts[0]
+        place = torch.cat([(part_of == number).nonzero()[:, 0] for number in range(len(parts))])
+
+        def column(name: str) -> Tensor:
+            values = torch.cat([getattr(part, name) for part in parts])
+            return torch.empty_like(values).index_copy_(0, place, values)
+
+        return Counts(column("successes"), column("particles"), column("own_count"))
+
 
 def analyse(space: ShapeGraspSpace, points: Particles, grid: SE3Grid, kernel: Kernel) -> Counts:
     """The neighbourhood analysis at points (Q,), whatever their outcomes, in any order, repeats welcome."""
     queries, weights = Queries(points.partition, points.cell), Weights.of(kernel, points.cell.device)
     return Counts(*counts_around(space.particles, queries, weights, grid.numbers).unbind(1))
+
+
+class Points(NamedTuple):
+    """The points of significant support of a space, as `Condensed` has them."""
+
+    partition_start: Tensor
+    cell: Tensor
+    probability: Tensor
+    support: Tensor
 
 
 @dataclass(frozen=True)
@@ -97,6 +109,12 @@ class Condensed:
     support: Tensor
     base_rate: Tensor
 
+    @staticmethod
+    def of(parts: Sequence[Points], base_rate: Tensor) -> Condensed:
+        """Those of spaces that share no partition, and whose partitions follow one another."""
+        start, cell, probability, support = zip(*parts, strict=True)
+        return Condensed(sum(start), torch.cat(cell), torch.cat(probability), torch.cat(support), base_rate)
+
     @property
     def types(self) -> int:
         """How many grasp types."""
@@ -116,16 +134,14 @@ def condense(
     `parts` are the particles of one object each; their order does not matter.
     """
     counts = torch.stack([partition_counts(part, prototypes) for part in parts]).sum(0)
-    space = ShapeGraspSpace.of(parts, prototypes, grid)
-    return condense_space(space, base_rates(counts, parts[0].types), grid, kernel, min_support)
+    points = significant_points(ShapeGraspSpace.of(parts, prototypes, grid), grid, kernel, min_support)
+    return Condensed.of([points], base_rates(counts, parts[0].types))
 
 
-def condense_space(
-    space: ShapeGraspSpace, rates: Tensor, grid: SE3Grid, kernel: Kernel, min_support: float
-) -> Condensed:
-    """The same of a space, given the base rate (types,) of each type."""
-    weights = Weights.of(kernel, rates.device)
-    return Condensed(*significant_cells(space.particles, weights, grid.numbers, min_support), rates)
+def significant_points(space: ShapeGraspSpace, grid: SE3Grid, kernel: Kernel, min_support: float) -> Points:
+    """The same of a space, or a part of one."""
+    weights = Weights.of(kernel, space.particles.key.device)
+    return Points(*significant_cells(space.particles, weights, grid.numbers, min_support))
 
 
 def partition_counts(particles: Particles, prototypes: int) -> Tensor:

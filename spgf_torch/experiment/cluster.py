@@ -1,8 +1,11 @@
-"""Objects described on the workers of a Dask cluster: the tensors that are made here otherwise, to the bit.
+"""Objects described, and learned from, on the workers of a Dask cluster: what is made here otherwise, to the bit.
 
-Sensing, features, pairs and collisions of an object depend on the object, its grasps and the settings alone. Workers
-make what the caller's cache lacks; they write nothing and need no common disk. The caller takes the objects in their
-order, and learns from them as from its own.
+Sensing, features and collisions of an object depend on the object, its grasps and the settings alone. Workers make what
+the caller's cache lacks; they write nothing and need no common disk. The caller takes the objects in their order.
+
+Then each worker is sent all objects as features and poses, and has sets of objects that teach to learn: prototypes, the
+shape-grasp space, the votes on objects that are held out. Sets know nothing of each other, and each is learned in one
+thread, so that nothing depends on the number of workers, nor on which has what.
 """
 
 from __future__ import annotations
@@ -20,8 +23,10 @@ from torch import Tensor
 from spgf_torch.cache import Cache
 from spgf_torch.errors import IncompleteError
 from spgf_torch.experiment.describe import CachedSteps, Describer, Grasps
+from spgf_torch.experiment.experiment import Experiment
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.simulation.executors import DaskExecutor
+from spgf_torch.threads import one_thread
 
 AHEAD = 2  # objects submitted for each thread of the cluster, so that none is idle
 
@@ -41,7 +46,7 @@ class Remembering(Cache):
 
 @dataclass(frozen=True)
 class Cluster:
-    """The workers behind a Dask client, as the place where a `Describer` has objects described.
+    """The workers behind a Dask client, as the place where objects are described and learned from.
 
     Attributes:
         client: of `distributed`.
@@ -56,14 +61,39 @@ class Cluster:
 
         Raises IncompleteError where the scheduler or all workers go away, or lack this package.
         """
+        with self._answering():
+            for steps, made in self._made(objects):
+                steps.given.update({step: load(content) for step, content in made.items()})
+                advance(1)
+
+    def knowing(self, experiment: Experiment) -> Callable[..., list[Any]]:
+        """A function (work, items, advance) -> results, in order, of a method of the experiment called with each item.
+
+        Raises IncompleteError as `describe`.
+        """
+        with self._answering():
+            there = self.client.scatter(experiment, broadcast=True, hash=False)
+
+        def each(
+            work: Callable[..., Any], items: Sequence[tuple[Any, ...]], advance: Callable[[int], None]
+        ) -> list[Any]:
+            results = []
+            with self._answering():
+                for future in [self.client.submit(in_one_thread, work, there, *item, pure=False) for item in items]:
+                    results.append(future.result())
+                    advance(1)
+            return results
+
+        return each
+
+    @contextmanager
+    def _answering(self) -> Iterator[None]:
         from distributed import KilledWorker
         from distributed.client import FutureCancelledError
         from distributed.comm.core import CommClosedError
 
         try:
-            for steps, made in self._made(objects):
-                steps.given.update({step: load(content) for step, content in made.items()})
-                advance(1)
+            yield
         except (CommClosedError, FutureCancelledError, KilledWorker, TimeoutError) as error:
             raise IncompleteError(f"address: the Dask cluster at {self.address} went away ({error})") from None
         except ModuleNotFoundError as error:
@@ -114,3 +144,9 @@ def made_steps(rooms: Mapping[str, Any], obj: GraspObject, grasps: Grasps, wante
     for step in wanted:
         getattr(steps, {"collisions": "collides"}.get(step, step))
     return {step: save({name: t.contiguous().cpu() for name, t in kept.content[step].items()}) for step in wanted}
+
+
+def in_one_thread(work: Callable[..., Any], *arguments: Any) -> Any:
+    """What `work` gives of the arguments: a worker has as many threads as it should use."""
+    with one_thread():
+        return work(*arguments)

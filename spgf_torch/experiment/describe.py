@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.config import AffordanceConfig
-from spgf_torch.affordance.pairs import CellPairs, cell_pairs
+from spgf_torch.affordance.pairs import PosePairs, pose_pairs
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
 from spgf_torch.cache import Cache, code_fingerprint, fingerprint
 from spgf_torch.experiment.described_object import DescribedObject
@@ -38,9 +38,6 @@ THREADS = 2
 
 # Objects described stage by stage; then all but what is learned from is dropped. 50 take 0.6 GB until then.
 TOGETHER = 50
-
-# The settings that pairs of features and grasps depend on; the others are about what is learned from them.
-PAIRING = ("reach", "voxel", "rotation_deg", "features_per_object")
 
 
 @dataclass(frozen=True)
@@ -95,7 +92,7 @@ class Describer:
     def describe(
         self, objects: Sequence[GraspObject], grasps: Sequence[GraspPoses], stages: ProgressReporter
     ) -> list[DescribedObject]:
-        """Sense objects, compute features, pair these with grasps, look for collisions; a stage of progress each.
+        """Sense objects, compute features, look for collisions; a stage of progress each.
 
         Of many objects `TOGETHER` at a time.
         """
@@ -120,7 +117,6 @@ class Describer:
                 self.cluster.describe(all_steps, advance)
         in_turn("sensing", CachedSteps.sense_if_needed, "texlets")
         in_turn("features", lambda steps: steps.features, "features")
-        in_turn("particles", lambda steps: steps.pairs, "pairs")
         in_turn("collisions", lambda steps: steps.collides, "collisions")
         return [steps.described() for steps in all_steps]
 
@@ -147,7 +143,6 @@ class CachedSteps:
 
     def __init__(self, settings: Describer, obj: GraspObject, grasps: GraspPoses) -> None:
         self.settings, self.obj, self.grasps = settings, obj, grasps
-        self.pairing = AffordanceConfig(**{name: getattr(settings.affordance, name) for name in PAIRING})
         self.made: set[str] = set()
         self.given: dict[str, dict[str, Tensor]] = {}  # made elsewhere, by step
         surface = (obj.name, obj.mesh.vertices, obj.mesh.faces)
@@ -162,7 +157,6 @@ class CachedSteps:
         self.keys = {
             "texlets": texlets,
             "features": features,
-            "pairs": _key(cell_pairs, features, poses, self.pairing, seed, device),
             "collisions": _key(sensed_collision, texlets, poses, settings.volumes, device),
         }
 
@@ -188,18 +182,12 @@ class CachedSteps:
         valid = torch.ones(len(kept["T"]), dtype=torch.bool, device=kept["T"].device)
         return VectorFeatures(kept["T"], kept["relations"], valid)
 
-    @cached_step
-    def pairs(self) -> CellPairs:
-        """Pairs of features and grasps."""
-        grasp_type = self.grasps.grasp_type.to(self.settings.device)
-
-        def make() -> dict[str, Tensor]:
-            T_object_grasp = self.grasps.T_object_tcp.to(self.settings.device)
-            poses = self.features.T_object_feature
-            pairs = cell_pairs(poses, T_object_grasp, grasp_type, self.pairing, self.generator(1))
-            return {"feature": pairs.feature, "grasp": pairs.grasp, "cell": pairs.cell}
-
-        return CellPairs(**self._kept("pairs", make), grasp_type=grasp_type)
+    @property
+    def pairs(self) -> PosePairs:
+        """The features' pairs with the grasps, which are listed where they are asked for: that takes milliseconds."""
+        device, poses = self.settings.device, self.features.T_object_feature
+        T, grasp_type = self.grasps.T_object_tcp.to(device), self.grasps.grasp_type.to(device)
+        return pose_pairs(poses, T, grasp_type, self.settings.affordance, self.generator(1))
 
     @cached_step
     def collides(self) -> Tensor:
@@ -227,7 +215,7 @@ class CachedSteps:
         if asked.words:
             around = surroundings(self.features.T_object_feature, asked)
         return DescribedObject(
-            self.features.relations(), self.pairs.narrowed(), self.collides, self.settings.grasp_types, around=around
+            self.features.relations(), self.pairs, self.collides, self.settings.grasp_types, around=around
         )
 
     def generator(self, stream: int) -> torch.Generator:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from spgf_torch.affordance.pairs import CellPairs
+from spgf_torch.affordance.pairs import Pairs
 from spgf_torch.affordance.particles import known_outcomes
 from spgf_torch.prototypes.constellations import Surroundings
 
@@ -27,7 +27,7 @@ class DescribedObject:
     """
 
     relations: Tensor
-    pairs: CellPairs
+    pairs: Pairs
     collides: Tensor
     grasp_types: tuple[str, ...]
     success: Tensor | None = None
@@ -70,7 +70,7 @@ class DescribedObject:
 
 
 class Made(Sequence[DescribedObject]):
-    """Objects that are made of others when they are asked for, and not kept: their pairs are not in memory twice.
+    """Objects that are made of others when they are asked for, and not kept: they are not in memory twice.
 
     Args:
         make: the object of a number. numbers: those of the objects, in their order.

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import torch
@@ -17,7 +19,7 @@ from spgf_torch.cache import Cache
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.cross_validation import calibrate, calibrated_elsewhere, choose
 from spgf_torch.experiment.described_object import DescribedObject, Made
-from spgf_torch.experiment.learning import THREADS, PrototypeFit, learn_model, side_by_side
+from spgf_torch.experiment.learning import PrototypeFit, learn_model, side_by_side
 from spgf_torch.experiment.training_space import TrainingSpace
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter
@@ -25,9 +27,7 @@ from spgf_torch.prototypes.constellations import constellations
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.settings import plain
 
-# Pairs of all objects above which spaces are learned one after the other, on all threads together: two side by side
-# would take twice their memory. 50 objects have 30 million.
-PAIRS_SIDE_BY_SIDE = 2**26
+R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,24 @@ def teaching(examples: Sequence[DescribedObject], config: TrainConfig) -> list[T
     return [example.sample_of_each_type(config.trials_per_object, generator) for example in examples]
 
 
+def _of_grasps(objects: Sequence[DescribedObject], chosen: Sequence[Tensor], number: int) -> DescribedObject:
+    return objects[number].of_grasps(chosen[number])
+
+
+class Named(NamedTuple):
+    """Name and digest of an object."""
+
+    name: str
+    digest: str
+
+
+class Workers(Protocol):
+    """Where sets of objects are learned, if not here (`cluster.Cluster`)."""
+
+    def knowing(self, experiment: Experiment) -> Callable[..., list[Any]]:
+        """A function that has methods of an experiment called there, as `Experiment._here` calls them here."""
+
+
 @dataclass(frozen=True)
 class Learned:
     """What an experiment leaves.
@@ -110,7 +128,7 @@ class Experiment:
     """Examples, which of them teach what, and how.
 
     Attributes:
-        objects: all of them.
+        objects: what all of them are called.
         examples: of every object, with all its grasps: what is predicted on.
         teach: of every object, with the grasps that teach.
         sampled: of every object, with those of them that calibrate and choose rankings: a random sample, to save time.
@@ -119,7 +137,7 @@ class Experiment:
 
     config: TrainConfig
     design: Design
-    objects: Sequence[GraspObject]
+    objects: Sequence[Named]
     examples: Sequence[DescribedObject]
     teach: Sequence[DescribedObject]
     sampled: Sequence[DescribedObject]
@@ -137,51 +155,68 @@ class Experiment:
     ) -> Experiment:
         """The experiment that the settings describe."""
         which, every = teaching(examples, config), range(len(examples))
-        teach = Made(lambda i: examples[i].of_grasps(which[i]), every)
+        teach = Made(partial(_of_grasps, examples, which), every)
         generator = torch.Generator().manual_seed(config.seed)
         some = [each.sample(config.inner_grasps, generator) for each in teach]
-        sampled = Made(lambda i: teach[i].of_grasps(some[i]), every)
+        sampled = Made(partial(_of_grasps, teach, some), every)
         fit = PrototypeFit(replace(config.prototypes, num_clusters=config.K), config.seed, cache)
-        return Experiment(config, design, objects, examples, teach, sampled, fit, given)
+        return Experiment(
+            config, design, [Named(o.name, o.digest) for o in objects], examples, teach, sampled, fit, given
+        )
 
-    def run(self, stages: ProgressReporter) -> Learned:
-        """Predictions on every object by a model that has not seen it, and the models that the settings ask for."""
+    def run(self, stages: ProgressReporter, cluster: Workers | None = None) -> Learned:
+        """Predictions on every object by a model that has not seen it, and the models that the settings ask for.
+
+        Each set of objects that teach is learned by itself: here, two side by side, or on the workers of a cluster.
+        """
+        each = self._here if cluster is None else cluster.knowing(self)
         tests: list[int | None] = [*self.design.tests, *([None] if self.config.final_model else [])]
         inner = self.design.inner_folds() if self.shares else {}
-        taught = [*inner, *tests]
-        with stages.stage("prototypes", len(taught), "sets") as advance:
-            centres = side_by_side(self.prototypes, taught, advance)
+        with stages.stage("prototypes", len(inner) + len(tests), "sets") as advance:
+            centres = each(Experiment.prototypes, [(which,) for which in [*inner, *tests]], advance)
         held_out: dict[tuple[int, int], GraspScores] = {}
-        scores: dict[int, GraspScores] = {}
-        models: dict[int | None, GraspModel] = {}
-
-        def work_inside(learned: tuple[tuple[int, ...], Tensor]) -> None:
-            held_out.update(self.predict_inside(*learned, inner[learned[0]]))
-
-        def work(learned: tuple[int | None, Tensor]) -> None:
-            test, prototypes = learned
-            if test is not None and self.config.constellations.words:
-                words = self.in_words(prototypes)
-                scores.update(words.predict_alone(test, words.prototypes(tuple(self.design.training(test))))[0])
-                return
-            if test is None:
-                models[None] = self.model(None, prototypes)
-                return
-            on_novel, calibration = (
-                self.predict(test, prototypes, held_out) if self.shares else self.predict_alone(test, prototypes)
-            )
-            scores.update(on_novel)
-            if self.config.fold_models:
-                models[test] = replace(self.model(test, prototypes), calibration=calibration)
-
-        with stages.stage("voting", len(taught), "folds and models" if None in tests else "folds") as advance:
-            side_by_side(work_inside, zip(inner, centres, strict=False), advance, self.spaces_at_once)
-            side_by_side(work, zip(tests, centres[len(inner) :], strict=True), advance, self.spaces_at_once)
-        each = [scores[i] for i in range(len(self.examples))]
+        with stages.stage("voting", len(centres), "folds and models" if None in tests else "folds") as advance:
+            asked = [(*row, inner[row[0]]) for row in zip(inner, centres, strict=False)]
+            for found in each(Experiment.predict_inside, asked, advance):
+                held_out.update(found)
+            chosen = self._chosen(held_out) if self.shares else {}
+            work = [(t, c, chosen.get(t)) for t, c in zip(tests, centres[len(inner) :], strict=True)]
+            folds = dict(zip(tests, each(Experiment.fold, work, advance), strict=True))
+        scores = {i: own for on_novel, _ in folds.values() for i, own in on_novel.items()}
+        models = {test: model for test, (_, model) in folds.items() if model is not None}
+        in_order = [scores[i] for i in range(len(self.examples))]
         if None in models:
-            calibration = calibrate(each, [e.outcomes for e in self.examples], self.design.fold.tolist())
+            calibration = calibrate(in_order, [e.outcomes for e in self.examples], self.design.fold.tolist())
             models[None] = replace(models[None], calibration=calibration)
-        return Learned(each, models.pop(None, None), models)  # type: ignore[arg-type]
+        return Learned(in_order, models.pop(None, None), models)  # type: ignore[arg-type]
+
+    def _here(
+        self, work: Callable[..., R], items: Sequence[tuple[Any, ...]], advance: Callable[[int], None]
+    ) -> list[R]:
+        return side_by_side(lambda item: work(self, *item), items, advance)
+
+    def _chosen(self, held_out: Mapping[tuple[int, int], GraspScores]) -> dict[int | None, tuple[Calibration, str]]:
+        found = self._here(Experiment.nested, [(test, held_out) for test in self.design.tests], lambda _: None)
+        return dict(zip(self.design.tests, found, strict=True))
+
+    def fold(
+        self, test: int | None, prototypes: Tensor, chosen: tuple[Calibration, str] | None
+    ) -> tuple[dict[int, GraspScores], GraspModel | None]:
+        """Predictions on the objects of the fold `test`, and its model if it is kept; None: the model of all.
+
+        chosen: calibration and ranking as `nested` finds them, where test folds share inner folds.
+        """
+        if test is None:
+            return {}, self.model(None, prototypes)
+        if self.config.constellations.words:
+            words = self.in_words(prototypes)
+            return words.predict_alone(test, words.prototypes(tuple(self.design.training(test))))[0], None
+        if chosen is None:
+            on_novel, calibration = self.predict_alone(test, prototypes)
+        else:
+            on_novel, calibration = self.predict(test, prototypes, chosen), chosen[0]
+        kept = self.config.fold_models
+        return on_novel, replace(self.model(test, prototypes), calibration=calibration) if kept else None
 
     def in_words(self, prototypes: Tensor) -> Experiment:
         """The same with constellations of these prototypes (K, D) as relations, of which words are to be fitted."""
@@ -203,11 +238,6 @@ class Experiment:
         """Whether test folds share what inner folds learn: not where prototypes, or words of them, are a fold's."""
         return self.given is None and not self.config.constellations.words
 
-    @property
-    def spaces_at_once(self) -> int:
-        """How many shape-grasp spaces may be in memory together."""
-        return THREADS if sum(len(each.pairs.cell) for each in self.examples) <= PAIRS_SIDE_BY_SIDE else 1
-
     def prototypes(self, which: tuple[int, ...] | int | None) -> Tensor:
         """The prototypes (K, D) of objects, or for the fold of this number (None: for all objects)."""
         if isinstance(which, tuple):
@@ -219,13 +249,17 @@ class Experiment:
         return torch.cat([self.examples[i].relations for i in objects])
 
     def predict_alone(self, test: int, centres: Tensor) -> tuple[dict[int, GraspScores], Calibration]:
-        """As `predict`, by inner folds that serve the fold `test` alone; given prototypes are theirs, too."""
+        """As `predict`, by inner folds that serve the fold `test` alone, and what these calibrate.
+
+        Given prototypes are theirs, too.
+        """
         held_out: dict[tuple[int, int], GraspScores] = {}
         for group in self.design.groups(test):
             taught = tuple(i for i in self.design.training(test) if i not in group)
             inside = centres if self.given is not None else self.prototypes(taught)
             held_out |= self.predict_inside(taught, inside, [(test, i) for i in group])
-        return self.predict(test, centres, held_out)
+        chosen = self.nested(test, held_out)
+        return self.predict(test, centres, chosen), chosen[0]
 
     def predict_inside(
         self, taught: Sequence[int], centres: Tensor, held_out: Sequence[tuple[int, int]]
@@ -235,16 +269,14 @@ class Experiment:
         asking = Made(self.sampled.__getitem__, [i for _, i in held_out])
         return dict(zip(held_out, space.score_grasps(asking), strict=True))
 
-    def predict(
-        self, test: int, centres: Tensor, held_out: Mapping[tuple[int, int], GraspScores]
-    ) -> tuple[dict[int, GraspScores], Calibration]:
-        """Predictions on the objects of the fold `test`, by their number, and the training folds' calibration."""
-        calibration, chosen = self.nested(test, held_out)
+    def predict(self, test: int, centres: Tensor, chosen: tuple[Calibration, str]) -> dict[int, GraspScores]:
+        """Predictions on the objects of the fold `test`, given calibration and ranking of the training folds."""
         novel = self.design.novel(test)
         taught = Made(self.teach.__getitem__, self.design.training(test))
         scores = TrainingSpace(taught, centres, self.config.affordance).score_grasps([self.examples[i] for i in novel])
-        ranked = [each.calibrated(calibration).with_chosen(chosen) for each in scores]
-        return dict(zip(novel, ranked, strict=True)), calibration
+        calibration, ranking = chosen
+        ranked = [each.calibrated(calibration).with_chosen(ranking) for each in scores]
+        return dict(zip(novel, ranked, strict=True))
 
     def nested(self, test: int, held_out: Mapping[tuple[int, int], GraspScores]) -> tuple[Calibration, str]:
         """Calibration and choice of the ranking for the fold `test`, on training objects that were held out.

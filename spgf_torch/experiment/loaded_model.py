@@ -46,7 +46,7 @@ class LoadedModel:
 
     def scores(self, obj: DescribedObject) -> dict[str, Tensor]:
         """Every ranking's score (G,) of an object's grasps."""
-        votes = vote(self.index, obj.pairs, assign(obj.relations, self.model.centres))
+        votes = vote(self.index, obj.pairs.listed(), assign(obj.relations, self.model.centres))
         rates, config = self.model.condensed.base_rate, self.describer.affordance
         scores = score_grasps(votes, rates, obj.grasp_type, obj.collides, config)
         return scores.calibrated(self.model.calibration).by_ranking

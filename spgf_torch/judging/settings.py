@@ -46,7 +46,7 @@ def stages(config: JudgeConfig, tried: bool) -> list[tuple[str, float]]:
 # judge chose, of describing trials, of learning from the trials of one round.
 _SHARES = {"random": 0.02, "hypotheses": 1.7, "chosen": 0.027, "rows": 0.05, "learning": 0.1}
 # The same of a votes' model.
-VOTES = [("sensing", 0.2), ("features", 0.1), ("particles", 0.1), ("prototypes", 0.8), ("voting", 0.3)]
+VOTES = [("sensing", 0.2), ("features", 0.1), ("prototypes", 0.8), ("voting", 0.4)]
 
 
 def _defaults(keys: set[str]) -> dict[str, Any]:

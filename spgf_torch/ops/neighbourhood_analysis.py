@@ -1,7 +1,6 @@
 """Neighbourhood analysis of the shape-grasp space: particles -> kernel-weighted counts of success around cells.
 
-`populate` orders particles for the analysis (`Filling` those of objects that are not in memory together), `analyse`
-answers at chosen cells, `condense` at every populated one. Sums
+`populate` orders particles for the analysis, `analyse` answers at chosen cells, `condense` at every populated one. Sums
 in translation are float64 sums of float32 weights times whole numbers: exact, so that none depends on the order of
 particles. Sums over rotations are float32, in the order of the rotations.
 """
@@ -27,7 +26,7 @@ from spgf_torch.ops.neighbourhood_loops import (
     populated,
     weigh,
 )
-from spgf_torch.ops.registration import compiled_wanted, memory, operator, unknown_size
+from spgf_torch.ops.registration import memory, operator, unknown_size
 from spgf_torch.threads import in_parts
 
 
@@ -104,42 +103,6 @@ def _populate_shapes(
     particles = sum(column.shape[0] for column in cell)
     start = cell[0].new_empty(partitions + 1, dtype=torch.int64)
     return start, cell[0].new_empty(particles, dtype=_key_type(lattice))
-
-
-class Filling:
-    """A `Space` that is filled part by part: the same as `populate` makes of all parts, which need not be in memory.
-
-    Args:
-        counts (S,) int64: particles of each partition, of all parts together; more must not be added.
-    """
-
-    def __init__(self, counts: Tensor, lattice: list[float]) -> None:
-        self.start = torch.cat([counts.new_zeros(1), counts.cumsum(0)])
-        self.key = torch.empty(int(self.start[-1]), dtype=_key_type(lattice), device=counts.device)
-        self.at = self.start[:-1].clone()
-        self.in_loops = compiled_wanted() and counts.device.type == "cpu"
-
-    def add(self, partition: Tensor, cell: Tensor, success: Tensor) -> None:
-        """The particles of a part: partition, cell (P,) int32, success (P,) bool."""
-        if self.in_loops:
-            into_partitions(memory(partition), memory(cell), memory(success), self.at.numpy(), self.key.numpy())
-            return
-        of_partition, order = partition.long().sort(stable=True)
-        counts = torch.bincount(of_partition, minlength=len(self.at))
-        place = torch.arange(len(order), device=order.device) + (self.at - counts.cumsum(0) + counts)[of_partition]
-        self.key[place] = (cell.long() * 2 + success)[order].to(self.key.dtype)
-        self.at += counts
-
-    def space(self) -> Space:
-        """The space, once all parts have been added."""
-        bounds = list(pairwise(self.start.tolist()))
-        if self.key.device.type == "cpu":
-            key = self.key.numpy()
-            list(in_parts(lambda bound: key[slice(*bound)].sort(), bounds))
-        else:
-            for bound in bounds:
-                self.key[slice(*bound)] = self.key[slice(*bound)].sort().values
-        return Space(self.start, self.key)
 
 
 def _key_type(lattice: list[float]) -> torch.dtype:

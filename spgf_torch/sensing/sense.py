@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 
 from spgf_torch.errors import InputError
+from spgf_torch.geometry.ray_scenes import forget_scene
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.sensing.cameras import Camera, cast, crop, surround
 from spgf_torch.sensing.config import SensingConfig
@@ -33,6 +34,7 @@ def sense(obj: GraspObject, config: SensingConfig, seed: int) -> Texlets:
     """
     generator = np.random.default_rng([seed, zlib.crc32(obj.name.encode())])
     texlets = observe(obj.mesh, surround(config, obj.mesh.bounds.mean(axis=0)), config, generator)
+    forget_scene(obj.mesh)
     if not len(texlets):
         raise InputError(f"{obj.name}: expected at least one texlet, got none; extents {obj.mesh.extents} m")
     return texlets

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from spgf_torch.geometry.ray_scenes import forget_scene
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.settings import plain, settings
 from spgf_torch.simulation.candidates import sample_poses
@@ -116,6 +117,7 @@ def sample(obj: GraspObject, provenance: Provenance, samplers: Mapping[str, str]
     for grasp_type, sampler in samplers.items():
         rng = np.random.default_rng([provenance.seed, zlib.crc32(f"{obj.name}/{grasp_type}".encode())])
         parts.append(sample_poses(obj, provenance.candidates, config, rng, sampler))
+    forget_scene(obj.mesh)
     position, quaternion = (torch.cat(columns) for columns in zip(*parts, strict=True))
     return Poses(position, quaternion, tuple(samplers))
 

@@ -1,7 +1,7 @@
 """Neighbourhood analysis, condensation, votes and rankings against loops that follow the definitions."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
@@ -16,9 +16,9 @@ from spgf_torch.affordance.neighbourhood import (
     analyse,
     base_rates,
     condense,
-    partition_counts,
+    significant_points,
 )
-from spgf_torch.affordance.pairs import CellPairs, cell_pairs, grid_of, shape_grasp_particles
+from spgf_torch.affordance.pairs import CellPairs, cell_pairs, grid_of, pose_pairs, shape_grasp_particles
 from spgf_torch.affordance.particles import Particles
 from spgf_torch.affordance.voting import NO_POINT, VotingIndex, cast_votes, counted_votes
 from spgf_torch.errors import InputError
@@ -132,33 +132,40 @@ def test_base_rates_by_hand() -> None:
     assert rates == [pytest.approx([2 / 3, 1]), [0, 0.25]]
 
 
-@pytest.mark.parametrize("in_loops", [True, False])
-def test_a_space_is_the_same_whether_its_parts_come_together_or_in_turn(
-    generator: torch.Generator, in_loops: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Parts in any order, one of them empty; the counts of parts add up to those of all."""
-    monkeypatch.setattr("spgf_torch.ops.neighbourhood_analysis.compiled_wanted", lambda: in_loops)
+def test_points_of_parts_of_a_space_are_those_of_the_whole(generator: torch.Generator, kernel: Kernel) -> None:
+    """Prototype 0, then the two others; what is counted at points comes back in their order."""
     particles = random_particles(500, generator)
-    parts = [*split(particles, 3), taken(particles, torch.arange(0))]
-    whole = ShapeGraspSpace.of([particles], PROTOTYPES, GRID).particles
-    counts = sum((partition_counts(part, PROTOTYPES) for part in parts), torch.zeros(6, 2, dtype=torch.int64))
-    assert torch.equal(counts, partition_counts(particles, PROTOTYPES)) and counts.sum() == 500
-    made = ShapeGraspSpace.in_turn((part for part in parts[::-1]), counts, GRID).particles
-    assert all(torch.equal(a, b) and a.dtype == b.dtype for a, b in zip(made, whole, strict=True))
+    whole = condense([particles], PROTOTYPES, GRID, kernel, 2.0)
+    which = [particles.prototype < 1, particles.prototype >= 1]
+    parts = [taken(particles, here.nonzero()[:, 0]) for here in which]
+    spaces = [ShapeGraspSpace.of([part], PROTOTYPES, GRID) for part in parts]
+    joined = Condensed.of([significant_points(space, GRID, kernel, 2.0) for space in spaces], whole.base_rate)
+    assert all(torch.equal(getattr(joined, f.name), getattr(whole, f.name)) for f in fields(Condensed))
+    assert len(whole.cell) > 10 and whole.partition_start[2] > 0
+    together = analyse(ShapeGraspSpace.of([particles], PROTOTYPES, GRID), particles, GRID, kernel)
+    counts = [analyse(space, part, GRID, kernel) for space, part in zip(spaces, parts, strict=True)]
+    gathered = Counts.gathered(counts, which[1].long())
+    assert all(torch.equal(getattr(gathered, f.name), getattr(together, f.name)) for f in fields(Counts))
 
 
-def test_narrowed_pairs_say_the_same() -> None:
-    """Two bytes as long as they can count; the same particles, all of them or of some grasps."""
-    feature, grasp = torch.tensor([0, 1, 32767]).int(), torch.tensor([2, 0, 32767]).int()
-    pairs = CellPairs(feature, grasp, torch.tensor([5, 6, 7]).int(), torch.arange(32768) % 2)
-    narrow, ids = pairs.narrowed(), torch.arange(32768)
-    assert narrow.feature.dtype == narrow.grasp.dtype == torch.int16 and narrow.cell is pairs.cell
-    success = torch.arange(32768) % 3 == 0
-    for chosen in (torch.arange(32768), torch.tensor([2, 32767])):
-        a, b = (shape_grasp_particles(p.of_grasps(chosen), ids, 2, success[chosen]) for p in (pairs, narrow))
-        assert all(torch.equal(getattr(a, name), getattr(b, name)) for name in ("partition", "cell", "success"))
-    wide = CellPairs(feature, grasp + 1, pairs.cell, torch.zeros(32769, dtype=torch.int64))
-    assert wide.narrowed() is wide
+def test_pairs_as_poses_list_what_was_listed(generator: torch.Generator) -> None:
+    """All, those of some features, those of some grasps; and none has more than is said."""
+    poses = se3.random_poses(40, generator)
+    poses[:, :3, 3] = 0.08 * torch.rand(40, 3, generator=generator)
+    kinds = torch.arange(30) % 2
+    config = settings(AffordanceConfig, features_per_object=6)
+    unlisted = pose_pairs(poses[:10], poses[10:], kinds, config, torch.Generator().manual_seed(0))
+    pairs = cell_pairs(poses[:10], poses[10:], kinds, config, torch.Generator().manual_seed(0))
+    wanted, chosen = torch.arange(10) % 3 == 0, torch.tensor([2, 3, 11, 29])
+    assert 0 < len(pairs.cell) < 6 * 30 and not wanted[pairs.feature].all() and wanted[pairs.feature].any()
+    for one, other in [
+        (unlisted.listed(), pairs),
+        (unlisted.listed(wanted), pairs.listed(wanted)),
+        (unlisted.of_grasps(chosen).listed(), pairs.of_grasps(chosen)),
+    ]:
+        assert all(torch.equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(CellPairs))
+    assert (pairs.most(10) <= unlisted.most(10)).all() and unlisted.most(10).sum() == 6 * 30
+    assert pairs.most(10).tolist() == [int((pairs.feature == i).sum()) for i in range(10)]
 
 
 def test_particles_without_outcomes_teach_nothing() -> None:

@@ -4,11 +4,14 @@
 
 The objects are those of `generate seed=0`, with a thousand candidates of each type on each, as `simulate` samples them.
 Their outcomes are NOT simulated: each is drawn at random, a success in four, since costs alone are measured here and
-they hardly depend on outcomes. So no rate of these runs means anything. Other keys are given to `train`, as K=20.
+they hardly depend on outcomes. So no rate of these runs means anything. Other keys are given to `train`, as K=20 or
+runner=dask address=tcp://HOST:8786; processor time and memory are then those of the calling process alone. The
+digest is the beginning of the SHA-256 of the model and of what was predicted, to compare runs by.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import subprocess
@@ -70,7 +73,7 @@ def main(arguments: list[str]) -> None:
     """A line a count."""
     keys = [argument for argument in arguments if "=" in argument]
     counts = [int(argument) for argument in arguments if "=" not in argument] or list(COUNTS)
-    print(f"{'objects':>8} {'processor s':>12} {'s':>8} {'GB':>6} {'model MB':>9}   seconds of stages")
+    print(f"{'objects':>8} {'processor s':>12} {'s':>8} {'GB':>6} {'model MB':>9}   {'digest':16}   seconds of stages")
     for count in counts:
         with tempfile.TemporaryDirectory(prefix="spgf-many-") as name:
             folder = Path(name)
@@ -79,7 +82,18 @@ def main(arguments: list[str]) -> None:
             results = json.loads((folder / "outputs/train/latest/results.json").read_text())
             size = results.get("costs", {}).get("model_bytes", 0) / 1e6
             stages = ", ".join(f"{stage} {seconds:.0f}" for stage, seconds in results["seconds"].items())
-            print(f"{count:8d} {used:12.1f} {taken:8.1f} {memory:6.2f} {size:9.1f}   {stages}", flush=True)
+            print(
+                f"{count:8d} {used:12.1f} {taken:8.1f} {memory:6.2f} {size:9.1f}   {stages}   {digest(folder)}",
+                flush=True,
+            )
+
+
+def digest(folder: Path) -> str:
+    """Of model and predictions of the latest run."""
+    sha = hashlib.sha256()
+    for name in ("model.safetensors", "predictions.parquet"):
+        sha.update((folder / "outputs/train/latest" / name).read_bytes())
+    return sha.hexdigest()[:16]
 
 
 if __name__ == "__main__":

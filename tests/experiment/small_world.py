@@ -4,7 +4,7 @@ An object's features fall into three kinds; a grasp is paired with four of them,
 are far apart. What a grasp's outcome has to do with that is the caller's to say.
 """
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -68,3 +68,23 @@ def fitted(relations: Tensor) -> Tensor:
 def run(examples: list[DescribedObject], **changes: Any) -> Learned:
     """What the experiment leaves."""
     return experiment(examples, **changes).run(ProgressReporter())
+
+
+def bits(value: Any) -> Any:
+    """The tensors of a record, at any depth, as bytes."""
+    if isinstance(value, torch.Tensor):
+        return value.numpy().tobytes()
+    if isinstance(value, dict):
+        return {key: bits(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [bits(each) for each in value]
+    return (
+        {f.name: bits(getattr(value, f.name)) for f in fields(value)}
+        if hasattr(value, "__dataclass_fields__")
+        else value
+    )
+
+
+def everything(learned: Learned) -> Any:
+    """All that an experiment leaves, as bytes."""
+    return bits([learned.scores, learned.of_fold, learned.model])

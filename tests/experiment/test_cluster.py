@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from small_world import everything, experiment, world
 from test_describe import GRASPS, OBJECTS, describer, forbidden, same
 
 from spgf_torch.cache import Cache
@@ -36,6 +37,10 @@ class Client:
     def nthreads(self) -> dict[str, int]:
         return {"here": 1}
 
+    def scatter(self, content: Any, broadcast: bool, hash: bool) -> Any:
+        assert broadcast and not hash
+        return pickle.loads(pickle.dumps(content))
+
     def submit(self, work: Any, *arguments: Any, pure: bool) -> Future:
         assert not pure
         self.sent.append(arguments[-1])
@@ -52,11 +57,11 @@ def test_workers_make_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     cluster = Cluster(client, "nowhere")
     assert same(described(describer(cluster=cluster)), here) and len(client.sent) == 2
     cold = describer(Cache(tmp_path), cluster=cluster)
-    assert same(described(cold), here) and client.sent[2:] == [["texlets", "features", "pairs", "collisions"]] * 2
-    for entry in tmp_path.glob("pairs-*"):
+    assert same(described(cold), here) and client.sent[2:] == [["texlets", "features", "collisions"]] * 2
+    for entry in tmp_path.glob("features-*"):
         entry.unlink()
-    assert same(described(replace(cold, cache=Cache(tmp_path))), here) and client.sent[4:] == [["pairs"]] * 2
-    for step in ("sense", "cell_pairs", "sensed_collision"):
+    assert same(described(replace(cold, cache=Cache(tmp_path))), here) and client.sent[4:] == [["features"]] * 2
+    for step in ("sense", "sensed_collision"):
         monkeypatch.setattr(module, step, forbidden(getattr(module, step)))
     assert same(described(replace(cold, cache=Cache(tmp_path))), here) and len(client.sent) == 6
 
@@ -67,9 +72,21 @@ def test_two_workers_of_dask(tmp_path: Path) -> None:
 
     settings: dict[str, Any] = {"dashboard_address": None, "local_directory": str(tmp_path)}
     local = LocalCluster(n_workers=2, threads_per_worker=1, processes=False, **settings)
+    made = experiment(world(cells=4), inner_grasps=25, final_model=True)
     with local, cluster_of(local.scheduler_address) as cluster:
-        there = described(describer(cluster=cluster))
+        there, learned = described(describer(cluster=cluster)), made.run(ProgressReporter(), cluster)
     assert same(there, described(describer()))
+    assert everything(learned) == everything(made.run(ProgressReporter()))
+
+
+@pytest.mark.parametrize("final_model", [True, False])
+def test_workers_learn_the_same_bits(final_model: bool) -> None:
+    """Scores of all objects, models of folds and of all; an experiment goes to the workers once, sets one by one."""
+    examples, client, stages = world(cells=4), Client(), ProgressReporter()
+    made = experiment(examples, inner_grasps=25, final_model=final_model)
+    here, there = made.run(stages), made.run(stages, Cluster(client, "nowhere"))
+    assert everything(there) == everything(here) and len(here.scores) == 6 and len(here.of_fold) == 3
+    assert len(client.sent) == 2 * (3 + 3 + final_model)
 
 
 def test_a_cluster_that_goes_away_ends_the_work_in_one_line() -> None:

@@ -56,7 +56,7 @@ def same(first: list[DescribedObject], second: list[DescribedObject]) -> bool:
     """Equal to the bit, types included."""
 
     def tensors(obj: DescribedObject) -> list[torch.Tensor]:
-        return [obj.relations, obj.collides, *vars(obj.pairs).values()]
+        return [obj.relations, obj.collides, *vars(obj.pairs.listed()).values()]
 
     both = [(a, b) for x, y in zip(first, second, strict=True) for a, b in zip(tensors(x), tensors(y), strict=True)]
     return all(a.dtype == b.dtype and torch.equal(a, b) for a, b in both)
@@ -65,22 +65,22 @@ def same(first: list[DescribedObject], second: list[DescribedObject]) -> bool:
 def test_objects_described_one_after_the_other_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     together = described(describer())
     monkeypatch.setattr(module, "TOGETHER", 1)
-    assert same(described(describer()), together) and together[0].pairs.grasp.dtype == torch.int16
+    assert same(described(describer()), together)
 
 
 def test_a_cache_changes_no_bit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     without = described(describer())
-    assert all(len(obj.pairs.feature) and obj.collides.any() and not obj.collides.all() for obj in without)
+    assert all(len(obj.pairs.listed().feature) and obj.collides.any() and not obj.collides.all() for obj in without)
     cold = described(describer(Cache(tmp_path)))
     assert "cache" not in capsys.readouterr().err
-    for step in ("sense", "cell_pairs", "sensed_collision"):
+    for step in ("sense", "sensed_collision"):
         monkeypatch.setattr(module, step, forbidden(getattr(module, step)))
     monkeypatch.setattr(module, "descriptor", lambda config: forbidden(descriptor(config)))
     warm = described(describer(Cache(tmp_path)))
     assert same(without, cold) and same(without, warm)
-    assert capsys.readouterr().err.count(", 2 from the cache") == 4
+    assert capsys.readouterr().err.count(", 2 from the cache") == 3
 
 
 def forbidden(step: Any) -> Any:
@@ -116,7 +116,7 @@ def test_objects_are_found_one_by_one(tmp_path: Path) -> None:
     assert same(turned[::-1], both) and sorted(tmp_path.iterdir()) == files
 
 
-ALL = {"texlets", "features", "pairs", "collisions"}
+ALL = {"texlets", "features", "collisions"}
 
 
 @pytest.mark.parametrize(
@@ -125,9 +125,9 @@ ALL = {"texlets", "features", "pairs", "collisions"}
         ({}, set()),
         ({"seed": 1}, ALL),
         ({"sensing": settings(SensingConfig, cameras=3, width=160, height=120, focal=144)}, ALL),
-        ({"features": settings(FeatureConfig, layers=1)}, {"features", "pairs"}),
-        ({"features": settings(FeatureConfig, descriptor="patch_pairs")}, {"features", "pairs"}),
-        ({"affordance": settings(AffordanceConfig, features_per_object=30, reach=0.08)}, {"pairs"}),
+        ({"features": settings(FeatureConfig, layers=1)}, {"features"}),
+        ({"features": settings(FeatureConfig, descriptor="patch_pairs")}, {"features"}),
+        ({"affordance": settings(AffordanceConfig, features_per_object=30, reach=0.08)}, set()),
         ({"affordance": settings(AffordanceConfig, features_per_object=30, kernel=0.01, min_support=9)}, set()),
         ({"volumes": {**VOLUME, "WPG": VOLUME["NPG"]}}, {"collisions"}),
     ],
@@ -144,7 +144,7 @@ def test_what_an_input_makes_anew() -> None:
 
     first = keys(OBJECTS[0], GRASPS[0])
     tried = keys(OBJECTS[0], GRASPS[1])
-    assert {kind for kind in ALL if first[kind] != tried[kind]} == {"pairs", "collisions"}
+    assert {kind for kind in ALL if first[kind] != tried[kind]} == {"collisions"}
     for obj in (block("brick", (0.05, 0.06, 0.0800001)), block("block", (0.05, 0.06, 0.08))):
         assert all(first[kind] != keys(obj, GRASPS[0])[kind] for kind in ALL)
     heavier = replace(OBJECTS[0], mass=2.0)  # is not seen

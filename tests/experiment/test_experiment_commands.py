@@ -110,7 +110,7 @@ def test_train_leaves_what_the_contract_says(small: Path) -> None:
         and results["folds"] == 2
         and set(results["by_ranking"]) == {"paper", "log_odds", "log_odds_free", "calibrated", "nested"}
     )
-    assert {"sensing", "features", "prototypes", "particles", "voting", "total"} <= set(results["seconds"])
+    assert {"sensing", "features", "prototypes", "voting", "total"} <= set(results["seconds"])
     assert results["ceiling"]["all"]["CG"] == 1.0
     assert yaml.safe_load((run / "config.yaml").read_text())["prototypes"]["num_clusters"] == 4
     assert len((run / "per_object.csv").read_text().splitlines()) == 1 + len(NAMES)

@@ -26,7 +26,7 @@ def test_an_experiment_with_three_types() -> None:
     for fold, model in learned.of_fold.items():
         assert model.calibration.numbers.shape == (3, 5)
         taught = [example for example, its in zip(examples, FOLD, strict=True) if its != fold]
-        pairs = torch.cat([example.grasp_type[example.pairs.grasp.long()] for example in taught])
-        held = torch.cat([example.outcomes[example.pairs.grasp.long()] for example in taught]).float()
+        pairs = torch.cat([example.grasp_type[example.pairs.listed().grasp.long()] for example in taught])
+        held = torch.cat([example.outcomes[example.pairs.listed().grasp.long()] for example in taught]).float()
         rates = [float(held[pairs == code].mean()) for code in range(3)]
         assert model.condensed.base_rate.tolist() == pytest.approx(rates)

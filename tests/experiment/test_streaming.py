@@ -2,48 +2,33 @@
 
 import gc
 import weakref
-from dataclasses import fields
-from typing import Any
 
 import pytest
 import torch
-from small_world import experiment, run, world
+from small_world import AFFORDANCE, KINDS, bits, everything, experiment, run, world
 
 from spgf_torch.affordance.model import learn
+from spgf_torch.experiment import training_space as module
 from spgf_torch.experiment.described_object import DescribedObject, Made
-from spgf_torch.experiment.experiment import Learned
 from spgf_torch.experiment.learning import learn_model
+from spgf_torch.experiment.training_space import TrainingSpace, _blocks
 from spgf_torch.prototypes.kmeans import assign
 
 
-def bits(value: Any) -> Any:
-    """The tensors of a record, at any depth, as bytes."""
-    if isinstance(value, torch.Tensor):
-        return value.numpy().tobytes()
-    if isinstance(value, dict):
-        return {key: bits(each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [bits(each) for each in value]
-    return (
-        {f.name: bits(getattr(value, f.name)) for f in fields(value)}
-        if hasattr(value, "__dataclass_fields__")
-        else value
-    )
-
-
-def everything(learned: Learned) -> Any:
-    return bits([learned.scores, learned.of_fold])
-
-
-def test_one_space_at_a_time_and_one_object_asking(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_prototype_at_a_time_and_one_object_asking(monkeypatch: pytest.MonkeyPatch) -> None:
     examples = world(cells=4)
-    assert experiment(examples).spaces_at_once == 2
     before = everything(run(examples, inner_grasps=25, trials_per_object=20))
-    monkeypatch.setattr("spgf_torch.experiment.experiment.PAIRS_SIDE_BY_SIDE", 6 * 240 - 1)  # pairs of six objects
-    monkeypatch.setattr("spgf_torch.experiment.training_space.ASKED_TOGETHER", 1)
-    assert experiment(examples).spaces_at_once == 1
+    monkeypatch.setattr(module, "PARTICLES_TOGETHER", 1)
+    monkeypatch.setattr(module, "ASKED_TOGETHER", 1)
+    assert TrainingSpace(examples, torch.eye(KINDS), AFFORDANCE).block.tolist() == [0, 1, 2]
     assert everything(run(examples, inner_grasps=25, trials_per_object=20)) == before
     assert everything(run(examples, inner_grasps=25, trials_per_object=19)) != before
+
+
+def test_blocks_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of ten at most: 4 + 6, then 11 alone, then 0 + 10; one that is empty joins whatever is there."""
+    monkeypatch.setattr(module, "PARTICLES_TOGETHER", 10)
+    assert _blocks([4, 6, 11, 0, 10]).tolist() == [0, 0, 1, 2, 2]
 
 
 def test_a_model_in_turn_is_that_of_all_particles_together() -> None:

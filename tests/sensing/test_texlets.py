@@ -1,5 +1,6 @@
 """Thinning against a slow loop; thin walls; symmetries."""
 
+import weakref
 from collections.abc import Callable
 
 import numpy as np
@@ -194,3 +195,11 @@ def test_nothing_seen_is_an_error() -> None:
     with pytest.raises(InputError, match="speck: expected at least one texlet, got none"):
         sense(thing("speck", trimesh.creation.box([0.001] * 3)), settings(SensingConfig), 0)
     assert len(extract([], settings(SensingConfig), np.random.default_rng(0))) == 0
+
+
+def test_sensing_leaves_no_scene_of_rays() -> None:
+    """A process has room for a thousand; objects stay."""
+    obj = thing("box", trimesh.creation.box((0.04, 0.05, 0.06)))
+    scene = weakref.ref(obj.mesh.ray)
+    assert len(sense(obj, settings(SensingConfig, width=160, height=120, focal=144), 0)) > 10
+    assert scene() is None

@@ -1,6 +1,7 @@
 """Running many trials: independent of workers and order, and the committed table can be had again."""
 
 import random
+import weakref
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from trial_objects import box, can, cup
 from spgf_torch.paths import root
 from spgf_torch.settings import settings
 from spgf_torch.simulation.config import SamplerConfig
-from spgf_torch.simulation.execute import CHUNK, execute, provenance_of, simulate
+from spgf_torch.simulation.execute import CHUNK, execute, provenance_of, sample, simulate
 from spgf_torch.simulation.table import OUTCOMES, read_table, table_path, write_table
 
 COMMITTED = root() / "data" / "trials"
@@ -29,6 +30,14 @@ def test_workers_and_order_do_not_matter(trials, tmp_path: Path):
         write_table(tmp_path / "a", table)
         write_table(tmp_path / "b", alone)
         assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_sampling_leaves_no_scene_of_rays(trials):
+    """A process has room for a thousand; objects stay."""
+    obj, sampler = box((0.04, 0.06, 0.1)), settings(SamplerConfig)
+    scene = weakref.ref(obj.mesh.ray)
+    assert len(sample(obj, provenance_of(obj, trials, sampler, 5, 0), {"NPG": "surface_pairs"})) == 5
+    assert scene() is None
 
 
 def test_stored_poses_end_as_they_did(trials):
