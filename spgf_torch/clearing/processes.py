@@ -15,7 +15,7 @@ from typing import Any
 import joblib
 
 from spgf_torch.cache import fingerprint
-from spgf_torch.clearing.config import ClutterConfig
+from spgf_torch.clearing.config import OURS, ClutterConfig
 from spgf_torch.clearing.methods import method_of
 from spgf_torch.clearing.rounds import Bench, ClearedScene
 from spgf_torch.errors import InputError
@@ -97,7 +97,7 @@ def clear(task: SceneTask, config: ClutterConfig) -> ClearedScene | InputError:
 
 def bench_of(config: ClutterConfig, folders: tuple[str, str]) -> Bench:
     """What rounds need, kept from scene to scene. Raises InputError for what cannot be used."""
-    key = fingerprint(plain(config), folders)
+    key = fingerprint(plain(config), folders if config.method == OURS else ())
     if key not in _benches:
         hand = load_hand(config.hand)
         known = next(iter(_benches.values()), None)  # of other folders: the hand in physics is the same
