@@ -5,9 +5,9 @@
 In FOLDER are the objects and trials that teach, and others of the same families to predict on:
 
     python -m spgf_torch.generate count=1000 seed=0 out=FOLDER/objects
-    python -m spgf_torch.simulate objects=FOLDER/objects episode=fast budget=60 out=FOLDER/trials
+    python -m spgf_torch.simulate objects=FOLDER/objects episode=fast budget=20 out=FOLDER/trials
     python -m spgf_torch.generate count=94 seed=1 out=FOLDER/novel
-    python -m spgf_torch.simulate objects=FOLDER/novel episode=fast candidates=250 out=FOLDER/novel_trials
+    python -m spgf_torch.simulate objects=FOLDER/novel episode=fast candidates=120 out=FOLDER/novel_trials
 
 The first COUNT objects in the order of drawing teach: each smaller set is part of the larger ones. Predicted on are the
 objects of FOLDER/novel, once by all of these and once without their own kind (`KINDS`), the 50 of data/objects with the
