@@ -38,7 +38,7 @@ from shared.paired import interval, words
 from torch import Tensor
 
 from spgf_torch.cache import Cache
-from spgf_torch.evaluation.success import random_rate, top_n
+from spgf_torch.evaluation.success import ceiling, random_rate, top_n
 from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
 from spgf_torch.experiment.describe import Describer, Grasps
 from spgf_torch.experiment.described_object import DescribedObject
@@ -103,6 +103,11 @@ class Set:
         """The random rate of each object."""
         rows = [(table.success.numpy(), table.grasp_type.numpy(), table.grasp_types) for table in self.tables]
         return np.array([random_rate(*row)["CG"] for row in rows])
+
+    def ceiling(self, n: int) -> float:
+        """The best CG that any ranking could have, %: objects with fewer than n successes have less than all."""
+        rows = [(table.success.numpy(), table.grasp_type.numpy(), n, table.grasp_types) for table in self.tables]
+        return 100 * float(np.mean([ceiling(*row)["CG"] for row in rows]))
 
 
 def _best(ranked: np.ndarray, table: TrialTable, n: int) -> float:
@@ -185,7 +190,7 @@ def kind_of(name: str) -> str:
 
 
 def scans_of(folder: str) -> Scans:
-    asked = [f"objects={find(folder)}", "model=none", "candidates=sampled", "workers=1"]
+    asked = [f"objects={find(folder)}", "model=none", "candidates=sampled", "workers=1", "random_trials=20"]
     with initialize_config_dir(str(root() / "conf"), version_base="1.3"):
         config = typed(EvaluateConfig, OmegaConf.to_container(compose("evaluate", asked), resolve=True))
     found, samplers = read_objects(config, ProgressReporter()).objects, samplers_of(config.hand)
@@ -266,6 +271,8 @@ def main() -> None:
         curve, describing = Curve(report), 0.0
         novel = bench.tested(folder / "novel", folder / "novel_trials", drawn=True)
         ours = bench.tested(root() / "data/objects", root() / "data/trials", drawn=False)
+        for on, its in (("drawn", novel), ("data/objects", ours)):
+            report.figure(f"CG on {on}, best possible", "", f"{its.ceiling(bench.config.N):.1f}")
         scans = scans_of(given["scans"]) if "scans" in given else None
         for count in counts:
             start = time.process_time()
