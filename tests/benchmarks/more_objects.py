@@ -238,10 +238,10 @@ class Curve:
             x, colour = [row["count"] * 1.03**number for row in its], f"C{number}"
             axes.errorbar(x, mean, [mean - low, high - mean], marker="o", capsize=3, color=colour, label=on)
             axes.plot(x, [row["random"] for row in its], ":", color=colour)
-        axes.set(xscale="log", xlabel="drawn objects", ylabel="CG of the ten best, % (dotted: random candidates)")
+        axes.set(xscale="log", xlabel="drawn objects", ylabel="CG, % (dotted: random candidates)")
         axes.set_xticks(counts := sorted({row["count"] for row in rows}), map(str, counts))
         axes.minorticks_off()
-        axes.legend()
+        axes.legend(loc="center", bbox_to_anchor=(0.5, 0.4))
         figure.savefig(file, dpi=120)
 
 
