@@ -15,11 +15,9 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from spgf_torch.errors import InputError
-from spgf_torch.hands.fingers import triangle_tree
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.simulation.clutter_config import PACKED, ArrangementConfig
-from spgf_torch.simulation.precheck import hull
-from spgf_torch.simulation.tabletop import Placed, Tabletop
+from spgf_torch.simulation.tabletop import Known, Placed, Tabletop, surface
 
 __all__ = ["Placed", "arranged", "inside", "settled", "stands"]
 
@@ -80,7 +78,7 @@ class _Draw:
 
     def next(self) -> GraspObject:
         rest = [obj for obj in self.objects if obj.name not in self.taken] or self.objects
-        obj = rest[self.rng.integers(len(rest))]
+        obj = rest[int(self.rng.integers(len(rest)))]
         return scaled(obj, self.rng.uniform(self.low, self.high))
 
     def keep(self, obj: GraspObject) -> None:
@@ -180,8 +178,8 @@ class _Solid:
     def __init__(self, placed: Placed) -> None:
         self.placed, points, T = placed, placed.points, placed.T_world_object
         self.low, self.high = points.min(axis=0), points.max(axis=0)
-        tree = triangle_tree([hull(part) for part in placed.obj.parts])
-        self.surface = fcl.CollisionObject(tree, fcl.Transform(np.ascontiguousarray(T[:3, :3]), T[:3, 3].copy()))
+        where = fcl.Transform(np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3]))
+        self.surface = fcl.CollisionObject(surface(Known.of(placed.obj)), where)
 
     def near(self, other: _Solid, gap: float) -> bool:
         """Whether the two are at most `gap` m apart, or cut each other."""

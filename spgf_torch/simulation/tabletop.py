@@ -1,24 +1,29 @@
 """A table with objects on it in SAPIEN, under gravity: what arrangements and attempts share.
 
-World frame: the table's top is z = 0, z up, m. Every use builds a new scene, and PhysX's global settings are read when a
-shape or body is made: so all shapes are cooked first, then the settings are set, then bodies are made. What happens is
-then the same to the bit whatever the process did before.
+World frame: the table's top is z = 0, z up, m. Every use builds a new scene. PhysX's global settings are read when a
+shape or body is made: so all shapes are cooked first, then the settings are set, then bodies are made. What happens
+is then the same to the bit whatever the process did before.
 """
 
 from __future__ import annotations
 
-from collections import OrderedDict
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Protocol
 
+import fcl
 import numpy as np
+from numpy.typing import ArrayLike
 
+from spgf_torch.hands.fingers import triangle_tree
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.simulation.articulation import physx, pose_of, principal_axes, sapien
+from spgf_torch.simulation.precheck import hull
 
 TABLE = (1.0, 1.0, 0.1)  # m, half its sides and thickness
-MOST_COOKED = 512  # objects whose shapes are kept
+MOST_KEPT = 512  # objects whose shapes are kept
 
 
 class Physics(Protocol):
@@ -57,7 +62,10 @@ class Tabletop:
     def __init__(self, placed: Sequence[Placed], physics: Physics) -> None:
         self.physics = physics
         self.bodies: list[physx.PhysxRigidDynamicComponent] = []
-        shapes = [cooked(each.obj, physics, copy) for each, copy in zip(placed, _copies(placed), strict=True)]
+        known = [Known.of(each.obj) for each in placed]
+        shapes = [_cooked(each, physics.friction, known[:index].count(each)) for index, each in enumerate(known)]
+        for piece in itertools.chain(*shapes):
+            piece.contact_offset = physics.contact_offset
         configure(physics)
         self.system = physx.PhysxCpuSystem()
         self.scene = sapien.Scene([self.system])
@@ -67,7 +75,7 @@ class Tabletop:
         for each, pieces in zip(placed, shapes, strict=True):
             self._add(each, pieces)
 
-    def add_box(self, half_size: Sequence[float], centre: Sequence[float]) -> physx.PhysxRigidStaticComponent:
+    def add_box(self, half_size: ArrayLike, centre: ArrayLike) -> physx.PhysxRigidStaticComponent:
         """A box that stands still."""
         box = physx.PhysxRigidStaticComponent()
         box.attach(physx.PhysxCollisionShapeBox(half_size=np.asarray(half_size, np.float32), material=self.material))
@@ -111,31 +119,34 @@ def configure(physics: Physics) -> None:
     )
 
 
-_COOKED: OrderedDict[tuple, list[physx.PhysxCollisionShapeConvexMesh]] = OrderedDict()
+@dataclass(frozen=True)
+class Known:
+    """An object that caches know by its digest."""
+
+    digest: str
+    obj: GraspObject = field(compare=False, repr=False)
+
+    @staticmethod
+    def of(obj: GraspObject) -> Known:
+        return Known(obj.digest, obj)
 
 
-def cooked(obj: GraspObject, physics: Physics, copy: int = 0) -> list[physx.PhysxCollisionShapeConvexMesh]:
-    """The shapes of an object, cooked once in a process; `copy`: others of the same object have shapes of their own."""
-    key = (obj.digest, physics.friction, physics.contact_offset, copy)
-    if key not in _COOKED:
-        configure(physics)
-        material = physx.PhysxMaterial(physics.friction, physics.friction, 0.0)
-        _COOKED[key] = [
-            physx.PhysxCollisionShapeConvexMesh(
-                vertices=np.asarray(part, dtype=np.float32), scale=[1, 1, 1], material=material
-            )
-            for part in obj.parts
-        ]
-        if len(_COOKED) > MOST_COOKED:
-            _COOKED.popitem(last=False)
-    _COOKED.move_to_end(key)
-    return _COOKED[key]
+@lru_cache(maxsize=MOST_KEPT)
+def surface(known: Known) -> fcl.BVHModel:
+    """The surface of an object's pieces in its frame, made once in a process."""
+    return triangle_tree([hull(part) for part in known.obj.parts])
 
 
-def _copies(placed: Sequence[Placed]) -> list[int]:
-    """How many of the same object come before each."""
-    digests = [each.obj.digest for each in placed]
-    return [digests[:index].count(digest) for index, digest in enumerate(digests)]
+@lru_cache(maxsize=MOST_KEPT)
+def _cooked(known: Known, friction: float, copy: int) -> list[physx.PhysxCollisionShapeConvexMesh]:
+    """The shapes of an object, cooked once in a process; others of the same object have shapes of their own."""
+    material = physx.PhysxMaterial(friction, friction, 0.0)
+    return [
+        physx.PhysxCollisionShapeConvexMesh(
+            vertices=np.asarray(part, dtype=np.float32), scale=[1, 1, 1], material=material
+        )
+        for part in known.obj.parts
+    ]
 
 
 def matrix_of(pose: sapien.Pose) -> np.ndarray:
