@@ -1,0 +1,147 @@
+"""Numbers that describe an open hand at a hypothesis among other things on a table, beside those of `judge_features`.
+
+In the TCP frame (x closing, y across, z approach); up is the table's normal; h is half the opening. Lengths are metres.
+
+- down: cosine of the approach with down; tilt: of the closing axis with the vertical, its size; height: of the TCP
+  above the table; lowest: of the lowest part of the hand.
+- way_margin: least signed distance to a sensed point of what the hand sweeps on its way to the grasp, at most
+  `HypothesesConfig.margin`; way_unseen: share of fingers and palm that is unseen, mean over places on the way.
+- beside: log(1 + sensed points within `BALL` of the TCP that are not between the pads).
+- gap: the widest stretch along closing without a point between those of the pads, over 2h: two things, or two rims.
+- top: height above the TCP of the highest point about the pads; foot: height above the table of the lowest between them.
+- off_x, off_y, off_z: |x|, |y| and z of the mean of the points within `BALL` of the TCP; std_x, std_y, std_z: their
+  standard deviations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from spgf_torch.compiled import compiled
+from spgf_torch.proposing.clearance import Plane, Surroundings
+from spgf_torch.proposing.hand_geometry import HandGeometry
+from spgf_torch.proposing.hand_loops import nearest_piece
+from spgf_torch.proposing.hypotheses import Hypotheses, Search, local, parts
+from spgf_torch.proposing.judge_features import Seen
+from spgf_torch.sensing.unseen import behind_at
+
+POSE = ("down", "tilt", "height", "lowest")
+WAY = ("way_margin", "way_unseen")
+ABOUT = ("beside", "gap", "top", "foot", "off_x", "off_y", "off_z", "std_x", "std_y", "std_z")
+CONTEXT = (*POSE, *WAY, *ABOUT)
+BALL = 0.06  # m: what is nearer than this is about the hand; a mug's radius and a finger
+# Shares of the way back at which unseen space is looked for.
+_BACK = (1 / 3, 2 / 3, 1.0)
+# Stretches of the opening that are told apart for `gap`: 2 mm of an opening of 8 cm.
+_STRETCHES = 40
+# m across the pads and along the approach within which the highest point about them is looked for.
+_ABOUT = 0.03
+
+Floats = NDArray[np.float32]
+
+
+def context_features(seen: Seen, around: Surroundings, hypotheses: Hypotheses, search: Search) -> Tensor:
+    """(H, 16) f32, the numbers `CONTEXT` of each hypothesis; `around` has a table."""
+    assert around.table is not None  # without one nothing is known of what is up
+    sensed = torch.cat([seen.texlets.positions.float().cpu(), around.obstacles.float().cpu()])
+    numbers = torch.zeros(len(hypotheses), len(CONTEXT))
+    for code, hand in enumerate(search.hands):
+        of_type = (hypotheses.grasp_type == code).nonzero()[:, 0]
+        name = search.clearance.grasp_types[code]
+        swept = HandGeometry(search.clearance.swept[name], hand.region, hand.config)
+        for part in parts(of_type, len(sensed)):
+            T, at = hypotheses.T[part], local(hypotheses.T[part], sensed)
+            numbers[part, :4] = pose_numbers(T, around.table, search.clearance.corners[name])
+            numbers[part, 4] = way_margin(at, swept)
+            numbers[part, 6:] = about(at, T, around.table, hand)
+        if seen.views and len(of_type):
+            numbers[of_type, 5] = way_unseen(hypotheses.T[of_type], seen, hand, around.retreat)
+    return numbers
+
+
+def pose_numbers(T: Tensor, table: Plane, corners: Tensor) -> Tensor:
+    """(G, 4): the numbers `POSE` of hands at T (G, 4, 4) whose convex hull has corners (C, 3)."""
+    x, z, height = T[:, :3, 0] @ table.normal, T[:, :3, 2] @ table.normal, T[:, :3, 3] @ table.normal - table.offset
+    lowest = height + (table.normal @ T[:, :3, :3] @ corners.T).amin(1)
+    return torch.stack([-z, x.abs(), height, lowest], dim=1)
+
+
+def way_margin(at: Tensor, swept: HandGeometry) -> Tensor:
+    """(G,) m of swept hands to points at (G, 3, N); negative inside."""
+    normals, offsets = swept.planes
+    least = torch.full((len(at),), swept.config.margin)
+    nearest_piece(at.numpy(), normals.numpy(), offsets.numpy(), least.numpy())
+    return least
+
+
+def way_unseen(T: Tensor, seen: Seen, hand: HandGeometry, way: float) -> Tensor:
+    """(G,) share of hands at T (G, 4, 4) that is unseen, mean over places up to `way` m back."""
+    body = torch.cat([hand.fingers, hand.palm])
+    total = torch.zeros(len(T))
+    for share in _BACK:
+        back = T.clone()
+        back[:, :3, 3] -= share * way * T[:, :3, 2]
+        total += (behind_at(back, body, seen.views, hand.config.unseen) > hand.config.unseen).float().mean(1)
+    return total / len(_BACK)
+
+
+def about(at: Tensor, T: Tensor, table: Plane, hand: HandGeometry) -> Tensor:
+    """(G, 10): the numbers `ABOUT`, of points at (G, 3, N) in the TCP frames T (G, 4, 4)."""
+    region = hand.region
+    limits = np.array([region.half, region.height, region.low, region.high, region.middle], np.float32)
+    up = torch.einsum("gij,i->gj", T[:, :3, :3], table.normal).contiguous()
+    height = (T[:, :3, 3] @ table.normal - table.offset).contiguous()
+    numbers = torch.empty(len(at), len(ABOUT))
+    about_numbers(at.numpy(), up.numpy(), height.numpy(), limits, numbers.numpy())
+    return numbers
+
+
+@compiled
+def about_numbers(at: Floats, up: Floats, height: Floats, limits: Floats, numbers: Floats) -> None:
+    """Into numbers (G, 10): `ABOUT` of points at (G, 3, N), with up (G, 3) in their frame and TCPs height (G,) above.
+
+    limits (5,): half, height, low, high and middle of the closing region.
+    """
+    half, wide, low, high, middle = limits
+    full = np.empty(_STRETCHES, np.bool_)
+    for g in range(len(at)):
+        x, y, z = at[g, 0], at[g, 1], at[g, 2]
+        full[:] = False
+        beside, near, foot, top = 0, 0, np.float32(np.inf), np.float32(-np.inf)
+        sums, squares = np.zeros(3), np.zeros(3)
+        for i in range(len(x)):
+            over = up[g, 0] * x[i] + up[g, 1] * y[i] + up[g, 2] * z[i]
+            along = abs(x[i] - middle) < half
+            between = along and abs(y[i]) < wide and z[i] > low and z[i] < high
+            if between:
+                stretch = int((x[i] - middle + half) / (np.float32(2) * half) * _STRETCHES)
+                full[min(max(stretch, 0), _STRETCHES - 1)] = True
+                foot = min(foot, over)
+            if along and abs(y[i]) < _ABOUT and z[i] > low - _ABOUT and z[i] < high + _ABOUT:
+                top = max(top, over)
+            if x[i] * x[i] + y[i] * y[i] + z[i] * z[i] < BALL * BALL:
+                near += 1
+                beside += not between
+                for k in range(3):
+                    sums[k] += at[g, k, i]
+                    squares[k] += at[g, k, i] * at[g, k, i]
+        widest, empty, begun = 0, 0, False
+        for stretch in range(_STRETCHES):
+            if full[stretch]:
+                if begun:
+                    widest = max(widest, empty)
+                begun, empty = True, 0
+            else:
+                empty += 1
+        numbers[g] = 0
+        numbers[g, 0], numbers[g, 1] = np.log1p(beside), widest / _STRETCHES
+        numbers[g, 2] = top if top > -np.inf else np.float32(0)
+        numbers[g, 3] = height[g] + foot if foot < np.inf else height[g]
+        if near:
+            for k in range(3):
+                mean = sums[k] / near
+                numbers[g, 4 + k] = mean if k == 2 else abs(mean)
+                numbers[g, 7 + k] = np.sqrt(max(0.0, squares[k] / near - mean * mean))
