@@ -19,7 +19,7 @@ from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.simulation.clutter_config import PACKED, ArrangementConfig
 from spgf_torch.simulation.tabletop import Known, Placed, Tabletop, surface
 
-__all__ = ["Placed", "arranged", "inside", "settled", "stands"]
+__all__ = ["Placed", "arranged", "inside", "rested", "settled", "stands"]
 
 FOOT = 0.001  # m above the lowest point of an object within which a table bears it: less than a scan's noise
 ABOVE = 0.001  # m above what is below, from where objects are let go: no penetration to start with
@@ -44,12 +44,16 @@ def arranged(objects: Sequence[GraspObject], count: int, seed: int, config: Arra
 
 def settled(placed: Sequence[Placed], config: ArrangementConfig) -> tuple[Placed, ...]:
     """The same once they are at rest, in their order, without those that left the workspace or fell off the table."""
+    return tuple(each for each in rested(placed, config) if inside(each, config))
+
+
+def rested(placed: Sequence[Placed], config: ArrangementConfig) -> list[Placed]:
+    """The same once they are at rest, wherever that is."""
     if not placed:
-        return ()
+        return []
     tabletop = Tabletop(placed, config)
     _rest(tabletop, config, config.rest_time)
-    rested = [Placed(each.obj, T) for each, T in zip(placed, tabletop.poses(), strict=True)]
-    return tuple(each for each in rested if inside(each, config))
+    return [Placed(each.obj, T) for each, T in zip(placed, tabletop.poses(), strict=True)]
 
 
 def inside(placed: Placed, config: ArrangementConfig) -> bool:

@@ -49,9 +49,11 @@ class Fingers:
         step: Callable[[], None],
     ) -> None:
         self.articulation, self.preshape, self.config, self.step = articulation, preshape, config, step
-        self.joints = {joint.name: joint for joint in articulation.active_joints}
-        self.places = {name: place for place, name in enumerate(self.joints)}
-        articulation.set_qpos([preshape.joints[name] for name in self.joints])
+        active = {joint.name: (place, joint) for place, joint in enumerate(articulation.active_joints)}
+        own = [name for name in active if name in preshape.joints]  # what carries the hand has others
+        self.joints = {name: active[name][1] for name in own}
+        self.places = {name: active[name][0] for name in own}
+        articulation.set_qpos([preshape.joints.get(name, 0.0) for name in active])
         for name, joint in self.joints.items():
             drive = preshape.drives[name]
             joint.set_drive_properties(drive.stiffness, drive.damping, drive.effort)
@@ -68,7 +70,8 @@ class Fingers:
 
     def values(self) -> dict[str, float]:
         """rad or m of every joint of the hand: those that move, are held, and follow without being simulated."""
-        values = self.preshape.joints | dict(zip(self.joints, map(float, self.qpos), strict=True))
+        q = self.qpos
+        values = self.preshape.joints | {name: float(q[place]) for name, place in self.places.items()}
         for name, rule in self.rules.items():
             if name not in self.joints:
                 values[name] = rule.ratio * values[rule.of] + rule.offset

@@ -23,6 +23,7 @@ from spgf_torch.simulation.articulation import physx, pose_of, principal_axes, s
 from spgf_torch.simulation.precheck import hull
 
 TABLE = (1.0, 1.0, 0.1)  # m, half its sides and thickness
+SLEEP = 5e-5  # m2/s2, kinetic energy a kilogram below which what slept sleeps again: 1 cm/s, PhysX's way of saying it
 MOST_KEPT = 512  # objects whose shapes are kept
 
 
@@ -59,7 +60,8 @@ class Placed:
 class Tabletop:
     """One scene: a table and bodies, in the order of `placed`."""
 
-    def __init__(self, placed: Sequence[Placed], physics: Physics) -> None:
+    def __init__(self, placed: Sequence[Placed], physics: Physics, asleep: bool = False) -> None:
+        """`asleep`: objects lie still, at no cost, until something that moves touches them."""
         self.physics = physics
         self.bodies: list[physx.PhysxRigidDynamicComponent] = []
         known = [Known.of(each.obj) for each in placed]
@@ -70,10 +72,14 @@ class Tabletop:
         self.system = physx.PhysxCpuSystem()
         self.scene = sapien.Scene([self.system])
         self.scene.timestep = physics.dt
-        self.material = physx.PhysxMaterial(physics.friction, physics.friction, 0.0)
+        self.material = material_of(physics)
         self.table = self.add_box(TABLE, (0.0, 0.0, -TABLE[2]))
         for each, pieces in zip(placed, shapes, strict=True):
             self._add(each, pieces)
+        if asleep:
+            for body in self.bodies:
+                body.sleep_threshold = SLEEP
+                body.put_to_sleep()
 
     def add_box(self, half_size: ArrayLike, centre: ArrayLike) -> physx.PhysxRigidStaticComponent:
         """A box that stands still."""
@@ -106,6 +112,10 @@ class Tabletop:
         """Let so many seconds pass."""
         for _ in range(round(seconds / self.physics.dt)):
             self.system.step()
+
+
+def material_of(physics: Physics) -> physx.PhysxMaterial:
+    return physx.PhysxMaterial(physics.friction, physics.friction, 0.0)
 
 
 def configure(physics: Physics) -> None:
