@@ -41,6 +41,22 @@ _WORDS: dict[str, tuple[str, tuple[str, float]]] = {
     "palm": ("unseen space in the palm", _PERCENT),
     "sweep": ("unseen space between the pads", _PERCENT),
     "sweep_depth": ("depth of unseen space between the pads", _MM),
+    "down": ("approach from above (cosine)", _PLAIN),
+    "tilt": ("closing axis off the level (sine)", _PLAIN),
+    "height": ("height above the table", _MM),
+    "lowest": ("hand's lowest point above the table", _MM),
+    "way_margin": ("nearest point to the hand's way", _MM),
+    "way_unseen": ("unseen space on the way", _PERCENT),
+    "beside": ("points beside the pads (log)", _PLAIN),
+    "gap": ("gap between the pads, of the opening", _PERCENT),
+    "top": ("highest point about the pads, above the TCP", _MM),
+    "foot": ("lowest point between the pads, above the table", _MM),
+    "off_x": ("middle of what is near, along closing", _MM),
+    "off_y": ("middle of what is near, across", _MM),
+    "off_z": ("middle of what is near, along the approach", _MM),
+    "std_x": ("extent of what is near, along closing (rms)", _MM),
+    "std_y": ("extent of what is near, across (rms)", _MM),
+    "std_z": ("extent of what is near, along the approach (rms)", _MM),
 }
 
 

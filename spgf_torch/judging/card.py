@@ -58,8 +58,35 @@ All tried hypotheses, judged by cross-validation over objects with all rounds:
 |---|---|---|---|---|---|
 {validated}
 
-## Limits
+{scenes_card(results.get("in_scenes", {}))}## Limits
 {LIMITS}
+"""
+
+
+def scenes_card(results: dict[str, Any]) -> str:
+    """How a judge that learned in scenes did there beside one that did not; nothing of another."""
+    if not results:
+        return ""
+    lines = []
+    for name, block in results.items():
+        low, high = block["gain_interval95"]
+        gain = f"{100 * block['gain']:+.1f} ({100 * low:+.1f} to {100 * high:+.1f})"
+        for who in ("object judge", "scene judge"):
+            its = block[who]
+            shares = [f"{100 * its[key]:.1f}" for key in ("best", "first", "predicted")]
+            told = [name, who, *shares, f"{its['auc']:.3f}", f"{its['ece']:.3f}", gain if who == "scene judge" else ""]
+            lines.append(f"| {' | '.join(told)} |")
+    rows = "\n".join(lines)
+    return f"""\
+## In scenes of objects that it had not seen
+Tables full of things, other than those that it learned in: what the judge of single objects and what the judge that
+learned in scenes chose in the same clouds, executed; percent. Gain: of the share of the best that succeed, paired by
+scene, with 95 % intervals over scenes.
+
+| cloud | ranked by | best | first | predicted | AUC | ECE | gain |
+|---|---|---|---|---|---|---|---|
+{rows}
+
 """
 
 

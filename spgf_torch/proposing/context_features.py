@@ -8,7 +8,7 @@ In the TCP frame (x closing, y across, z approach); up is the table's normal; h 
   `HypothesesConfig.margin`; way_unseen: share of fingers and palm that is unseen, mean over places on the way.
 - beside: log(1 + sensed points within `BALL` of the TCP that are not between the pads).
 - gap: the widest stretch along closing without a point between those of the pads, over 2h: two things, or two rims.
-- top: height above the TCP of the highest point about the pads; foot: height above the table of the lowest between them.
+- top: height above the TCP of the highest point about the pads; foot: above the table, of the lowest between them.
 - off_x, off_y, off_z: |x|, |y| and z of the mean of the points within `BALL` of the TCP; std_x, std_y, std_z: their
   standard deviations.
 """
