@@ -15,6 +15,7 @@ COMMANDS = {
     "generate": "household objects drawn from ranges of sizes, a description each: count=... out=FOLDER",
     "hand": "check and draw a hand, or describe a bare URDF: hand=FILE",
     "judge": "learn a hand's judge of grasp hypotheses, from trials of its own choosing",
+    "clutter": "tables full of things, cleared grasp by grasp in SAPIEN: arrangement=packed|pile views=...",
     "export": "a trial table as a data set in other formats: format=...",
     "report": "Table 1, the figures and one page from runs of train",
     "compare": "descriptors and the learned baseline side by side",

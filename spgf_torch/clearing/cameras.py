@@ -12,7 +12,7 @@ from spgf_torch.scene.assembly import scene_of_views
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.views import View
-from spgf_torch.sensing.cameras import Camera, cast, crop, surround
+from spgf_torch.sensing.cameras import Camera, cast, surround
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.noise import measure
 from spgf_torch.settings import settings
@@ -22,15 +22,11 @@ AIM = np.array([0.0, 0.0, 0.05])  # m; what cameras look at: the middle of thing
 TABLE = 1.2  # m; side of the table
 # m; lowest and highest corner of what may be grasped: a workspace of 30 cm, what leans out of it, and tall things.
 BOX = np.array([[-0.25, -0.25, -0.05], [0.25, 0.25, 0.45]])
-# m, the same of what is looked at: no further than what may be grasped, so that the table ends within the box.
-LOOKED_AT = np.array([[-0.22, -0.22, 0.0], [0.22, 0.22, 0.3]])
-MARGIN = 3  # px around it
 
 
 def cameras_of(sensing: SensingConfig, views: int) -> list[Camera]:
-    """`views` cameras around the middle of the table, their images cut to what may be grasped."""
-    around = surround(replace(sensing, cameras=views), AIM)
-    return [crop(camera, LOOKED_AT, MARGIN) for camera in around]
+    """`views` cameras around the middle of the table."""
+    return surround(replace(sensing, cameras=views), AIM)
 
 
 def depth_images(

@@ -37,7 +37,14 @@ def network() -> torch.nn.Module:
     return net.eval()
 
 
-def poses(contacts, closing, approach, width, gripper_depth, width_labels=None):
+def poses(
+    contacts: torch.Tensor,
+    closing: torch.Tensor,
+    approach: torch.Tensor,
+    width: torch.Tensor,
+    gripper_depth: float,
+    width_labels: object = None,
+) -> torch.Tensor:
     """(G, 4, 4) of the hand's base, +z the approach and +x from the contact (G, 3) to the other side.
 
     As `CGN.build_6d_grasps`, all at once.
@@ -100,7 +107,7 @@ def main() -> None:
             warm = True
             print("answered", flush=True)
     elif len(sys.argv) == 3:
-        answer(net, *sys.argv[1:], warm=False)
+        answer(net, sys.argv[1], sys.argv[2], False)
 
 
 if __name__ == "__main__":

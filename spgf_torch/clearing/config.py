@@ -33,6 +33,7 @@ class ClutterConfig(ObjectsConfig):
     remember: bool = MISSING
     film: int | None = bounded(0, 100_000)
     cgn: str | None = text()
+    beside: list[str] | None = text()
     out: str | None = text()
     bootstrap: int = bounded(100, 1_000_000)
     seed: int = bounded(0, 2**31 - 1)

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from spgf_torch.clearing.config import NETWORK, OURS, ClutterConfig
 from spgf_torch.errors import InputError
-from spgf_torch.experiment.held_out import FOLDER, JUDGES, novel_by_fold
 from spgf_torch.files.given_paths import NONE, model_and_judge
-from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find
+
+if TYPE_CHECKING:
+    from spgf_torch.objects.grasp_object import GraspObject
 
 SHIPPED = "data/judge"  # folder of the judges that come with the package, by hand
 
@@ -42,6 +44,8 @@ class Learned:
         """Model and judge of a fold, as `Predictor.load` takes them."""
         if fold is None:
             return str(self.votes or NONE), str(self.judge or NONE)
+        from spgf_torch.experiment.held_out import FOLDER, JUDGES
+
         votes = NONE if self.votes is None else str(self.votes / FOLDER / str(fold))
         return votes, NONE if self.judge is None else str(self.judge / JUDGES / str(fold))
 
@@ -52,6 +56,8 @@ class Learned:
         """
         if not self.held_out:
             return [(None, list(objects))]
+        from spgf_torch.experiment.held_out import FOLDER, JUDGES, novel_by_fold
+
         known = [novel_by_fold(run, room) for run, room in ((self.votes, FOLDER), (self.judge, JUDGES)) if run]
         if any(other != known[0] for other in known[1:]):
             raise InputError(f"judge: expected the folds of the model in {self.votes}, got others in {self.judge}")
@@ -59,8 +65,18 @@ class Learned:
         fold_of = {obj.name: novel[obj.name][0] for obj in objects if novel.get(obj.name, (0, ""))[1] == obj.digest}
         if len(fold_of) < len(objects):
             other = next(obj.name for obj in objects if obj.name not in fold_of)
-            raise InputError(f"held_out: expected objects of the run's cross-validation, got {other}: no such object there")
+            raise InputError(
+                f"held_out: expected objects of the run's cross-validation, got {other}: no such object there"
+            )
         return [(fold, [obj for obj in objects if fold_of[obj.name] == fold]) for fold in sorted(set(fold_of.values()))]
+
+    def digests(self) -> list[str]:
+        """Of all that may plan, in an order of its own; each file carries that of its tensors."""
+        from spgf_torch.files.digests import digest_of
+
+        rooms = [room for room in (self.votes, self.judge) if room is not None]
+        names = ("*/*/model.json", "*/*/judge.json") if self.held_out else ("model.json", "judge.json")
+        return [digest_of(path) for room in rooms for name in names for path in sorted(room.glob(name))]
 
 
 def _shipped(config: ClutterConfig) -> str:

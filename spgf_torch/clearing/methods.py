@@ -21,12 +21,13 @@ from spgf_torch.clearing.config import ANTIPODAL, OURS, RANDOM, ClutterConfig
 from spgf_torch.clearing.contact_graspnet import ContactGraspNet, Raw, Served, back_projected, in_cube
 from spgf_torch.errors import InputError
 from spgf_torch.hands.hand import Hand
-from spgf_torch.predictor import Predictor
+from spgf_torch.predictor import Predictor, surroundings_of
 from spgf_torch.proposing.antipodal import antipodal
 from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge_features import Seen
+from spgf_torch.proposing.judge_proposer import searched
 from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.sense import ABOVE
@@ -100,31 +101,23 @@ class Unlearned:
 
     @staticmethod
     def of(hand: Hand, config: ClutterConfig) -> Unlearned:
-        its = config.proposing
-        clearance = Clearance(hand_volumes(hand), its.plane_clearance, its.between, its.obstacle_clearance)
-        return Unlearned(Search.of(clearance, config.hypotheses), its, config.attempt.approach)
+        proposing = config.proposing
+        clearance = Clearance.of(hand_volumes(hand), proposing)
+        search = Search.of(clearance, searched(config.hypotheses, proposing))
+        return Unlearned(search, proposing, config.attempt.approach)
 
-    def around(self, scene: Scene) -> Surroundings:
-        return Predictor(None, None, {}, None, self.retreat).surroundings(scene)  # type: ignore[arg-type]
+    def around(self, scene: Scene, avoid: np.ndarray) -> Surroundings:
+        return surroundings_of(scene, self.config, self.retreat, torch.from_numpy(avoid).float())
 
-    def free(self, hands: Hypotheses, scene: Scene, closing: bool) -> Tensor:
-        """(H,) bool: free of all that is sensed, and with `closing` something between the pads."""
-        positions = scene.texlets.positions.float()
-        free = self.search.free(hands.T, hands.grasp_type, positions, self.around(scene))
-        if closing:
-            kept = free.nonzero()[:, 0]
-            free[kept] = self.search.closes(hands.T[kept], hands.grasp_type[kept], positions)
-        return free
+    def free(self, hands: Hypotheses, scene: Scene, avoid: np.ndarray) -> Tensor:
+        """(F,) int64, which of the hands are free of all that is sensed, and of places where grasps failed."""
+        around, positions = self.around(scene, avoid), scene.texlets.positions.float()
+        free = self.search.free(hands.T, hands.grasp_type, positions, around)
+        return (free & ~around.failed_at(hands.T[:, :3, 3])).nonzero()[:, 0]
 
-    def first(self, hands: Hypotheses, avoid: np.ndarray) -> tuple[str, np.ndarray, int] | None:
-        """Type, pose and index of the first that is not near a place to be avoided; else of the first, if any."""
-        if not len(hands):
-            return None
-        T = hands.T.double().numpy()
-        apart = np.linalg.norm(T[:, None, :3, 3] - avoid[None], axis=2)
-        away = np.flatnonzero((apart > self.config.avoid_distance).all(axis=1))
-        best = int(away[0]) if len(away) else 0
-        return self.search.clearance.grasp_types[int(hands.grasp_type[best])], T[best], best
+    def chosen(self, hands: Hypotheses, index: int, **said: float) -> Chosen:
+        grasp_type = self.search.clearance.grasp_types[int(hands.grasp_type[index])]
+        return Chosen(grasp_type, hands.T[index].double().numpy(), **said)
 
 
 @dataclass(frozen=True)
@@ -134,10 +127,11 @@ class Random:
     tools: Unlearned
 
     def choose(self, sensed: Sensed, avoid: np.ndarray) -> Chosen | None:
-        rng = np.random.default_rng(sensed.seed)
+        rng, positions = np.random.default_rng(sensed.seed), sensed.scene.texlets.positions.float()
         hands = random_hands(sensed.scene, [hand.region.half for hand in self.tools.search.hands], rng)
-        found = self.tools.first(hands.at(self.tools.free(hands, sensed.scene, closing=True)), avoid)
-        return None if found is None else Chosen(*found[:2])
+        hands = hands.at(self.tools.free(hands, sensed.scene, avoid))
+        closes = self.tools.search.closes(hands.T, hands.grasp_type, positions).nonzero()[:, 0]
+        return self.tools.chosen(hands, int(closes[0])) if len(closes) else None
 
 
 @dataclass(frozen=True)
@@ -149,9 +143,8 @@ class Antipodal:
     def choose(self, sensed: Sensed, avoid: np.ndarray) -> Chosen | None:
         tools, scene = self.tools, sensed.scene
         seen = Seen(scene.texlets, scene.views or ())
-        ranked = antipodal(tools.search, tools.config, seen, tools.around(scene))
-        found = tools.first(ranked.poses, avoid)
-        return None if found is None else Chosen(*found[:2])
+        poses = antipodal(tools.search, tools.config, seen, tools.around(scene, avoid)).poses
+        return tools.chosen(poses, 0) if len(poses) else None
 
 
 @dataclass(frozen=True)
@@ -168,11 +161,11 @@ class Network:
         its = self.served.grasps(raw, sensed.seed)
         code = self.tools.search.clearance.grasp_types.index(STROKE)
         hands = Hypotheses(its.T, torch.full((len(its.T),), code))
-        free = self.tools.free(hands, sensed.scene, closing=False).nonzero()[:, 0]
-        found = self.tools.first(hands.at(free), avoid)
-        if found is None:
+        free = self.tools.free(hands, sensed.scene, avoid).tolist()
+        if not free:
             return None
-        return Chosen(*found[:2], float(its.confidence[free[found[2]]]), its.seconds)
+        best = free[0]
+        return self.tools.chosen(hands, best, probability=float(its.confidence[best]), seconds=its.seconds)
 
 
 def random_hands(scene: Scene, half: Sequence[float], rng: np.random.Generator) -> Hypotheses:

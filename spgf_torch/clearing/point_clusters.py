@@ -8,6 +8,7 @@ All points are of one example: the batches that torch_geometric hands on are zer
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numba
 import numpy as np
@@ -49,7 +50,7 @@ def radius(
     Of each ball the points of lowest index, at most `max_num_neighbors`, ascending.
     """
     _one_example(batch_x, batch_y)
-    squared = np.float32(r) * np.float32(r)
+    squared: Any = np.float32(r) * np.float32(r)
     return torch.from_numpy(_balls(_plain(x), _plain(y), squared, max_num_neighbors))
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -13,23 +15,33 @@ from spgf_torch.clearing.config import FIND, ClutterConfig
 from spgf_torch.clearing.methods import Chosen, Method, Sensed
 from spgf_torch.drawing.clutter_records import Clip, Round, Tried, View
 from spgf_torch.errors import InputError
-from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.simulation.arrangements import Placed
 from spgf_torch.simulation.attempts import Attempt, Attempts
+from spgf_torch.simulation.touching import TABLE
 
 CLEAR, FAILED, NO_GRASP, NOTHING_SEEN = "clear", "failures in a row", "no grasp", "nothing seen"
 SUCCESS = "success"
 # Streams of random numbers of a scene, beside that of its arrangement.
 _NOISE, _TEXLETS, _METHOD = 1, 2, 3
 
+T = TypeVar("T")
+
 
 @dataclass(frozen=True)
-class Seconds:
-    """Of the processor, of one attempt."""
+class Measured:
+    """What is counted of one attempt.
+
+    Attributes:
+        sensing, planning, execution: seconds of the processor. texlets: that were sensed.
+        disturbed: how many objects it moved, beside what it took. lost: how many it pushed off the workspace.
+    """
 
     sensing: float
     planning: float
     execution: float
+    texlets: int
+    disturbed: int
+    lost: int
 
 
 @dataclass(frozen=True)
@@ -38,15 +50,14 @@ class ClearedScene:
 
     Attributes:
         number: from 0. seed: of the scene. fold: whose model planned; None: one for all.
-        seconds: of each attempt. texlets: of each, how many were sensed.
+        measured: of each attempt.
     """
 
     number: int
     seed: int
     fold: int | None
     round: Round
-    seconds: tuple[Seconds, ...]
-    texlets: tuple[int, ...]
+    measured: tuple[Measured, ...]
 
 
 @dataclass(frozen=True)
@@ -67,38 +78,37 @@ class Bench:
         scene = seen(views, scene_config(config.table == FIND), config.sensing, [*stream, _TEXLETS])
         return Sensed(views, scene, int(np.random.default_rng([*stream, _METHOD]).integers(2**31)))
 
-    def clear(self, placed: Sequence[Placed], seed: int, filmed: bool) -> tuple[Round, list[Seconds], list[int]]:
-        """The round of a settled scene, seconds and texlets of each attempt; `filmed`: with the motion of each."""
-        present, left = tuple(range(len(placed))), tuple(placed)
+    def clear(self, placed: Sequence[Placed], seed: int, filmed: bool) -> tuple[Round, tuple[Measured, ...]]:
+        """The round of a settled scene, and what was measured of each attempt; `filmed`: with the motion of each."""
+        present, left = list(range(len(placed))), tuple(placed)
         tried: list[Tried] = []
-        seconds: list[Seconds] = []
-        texlets: list[int] = []
+        measured: list[Measured] = []
         avoid: list[np.ndarray] = []
         ended, last = CLEAR, None
         while left:
+            if failures_at_the_end(tried) == self.config.failures:
+                ended = FAILED
+                break
             try:
-                sensed, sensing = _timed(lambda: self.sense(left, (seed, len(tried))))  # noqa: B023
+                sensed, sensing = _timed(partial(self.sense, left, (seed, len(tried))))
             except InputError:
                 ended = NOTHING_SEEN
                 break
             last = _view(present, left, sensed)
-            chosen, planning = _timed(lambda: self.method.choose(sensed, np.array(avoid).reshape(-1, 3)))  # noqa: B023
+            chosen, planning = _timed(partial(self.method.choose, sensed, np.reshape(avoid, (-1, 3))))
             if chosen is None:
                 ended = NO_GRASP
                 break
-            run, execution = _timed(lambda: self._run(left, chosen, filmed))  # noqa: B023
-            tried.append(_tried(last, chosen, run))
-            seconds.append(Seconds(sensing, planning + chosen.seconds, execution))
-            texlets.append(len(sensed.scene.texlets))
-            present, left = still_there(present, left, run), run.placed
+            run, execution = _timed(partial(self._run, left, chosen, filmed))
+            tried.append(_tried(last, chosen, run, left))
+            spent = sensing, planning + chosen.seconds, execution
+            measured.append(Measured(*spent, len(sensed.scene.texlets), len(run.disturbed), len(run.lost)))
+            present = [i for k, i in enumerate(present) if k != run.taken and k not in run.lost]
+            left, last = run.placed, None
             avoid = [*avoid, chosen.T_world_tcp[:3, 3]] if self.config.remember and not tried[-1].success else []
-            last = None
-            if failures_at_the_end(tried) == self.config.failures:
-                ended = CLEAR if not left else FAILED
-                break
         objects = [each.obj for each in placed]
-        spent = sum(its.planning for its in seconds)
-        return Round(self.config.method, "", objects, tried, ended, last, spent), seconds, texlets
+        planned = sum(its.planning for its in measured)
+        return Round(self.config.method, "", objects, tried, ended, last, planned), tuple(measured)
 
     def _run(self, placed: Sequence[Placed], chosen: Chosen, filmed: bool) -> Attempt:
         return self.attempts.run(placed, chosen.T_world_tcp, chosen.grasp_type, film=filmed)
@@ -109,29 +119,15 @@ def failures_at_the_end(tried: Sequence[Tried]) -> int:
     return next((back for back, each in enumerate(reversed(tried)) if each.success), len(tried))
 
 
-def still_there(present: Sequence[int], before: Sequence[Placed], run: Attempt) -> tuple[int, ...]:
-    """Indices into the scene's objects of what an attempt left: `present` without what it took, or what rolled away.
-
-    What is left keeps its order. Of equal objects the first ones stay, which is as good as any.
-    """
-    rest = [i for k, i in enumerate(present) if k != run.taken]
-    objects = {i: before[k].obj for k, i in enumerate(present)}
-    kept = []
-    for each in run.placed:
-        while rest and objects[rest[0]] is not each.obj:
-            rest.pop(0)
-        kept.append(rest.pop(0))
-    return tuple(kept)
-
-
-def _tried(view: View, chosen: Chosen, run: Attempt) -> Tried:
+def _tried(view: View, chosen: Chosen, run: Attempt, placed: Sequence[Placed]) -> Tried:
     motion, clip = run.motion, None
     if motion is not None:
-        clip = Clip(motion.times, view.present, motion.object_poses, motion.links, motion.link_poses)
+        clip = Clip(motion.times, view.present, motion.objects, motion.link_names, motion.links)
+    touched = ", ".join("table" if index == TABLE else placed[index].obj.name for index in run.touched)
     taken = None if run.taken is None else view.present[run.taken]
     success = run.outcome == SUCCESS
     its = chosen.grasp_type, chosen.T_world_tcp, chosen.probability
-    return Tried(view, *its, success, run.cause, taken, str(run.touched or ""), clip)
+    return Tried(view, *its, success, run.cause, taken, touched, clip)
 
 
 def _view(present: Sequence[int], placed: Sequence[Placed], sensed: Sensed) -> View:

@@ -40,6 +40,8 @@ _FOLDERS = {
     "baseline",
     "judge",
     "ranges",
+    "cgn",
+    "beside",
 }
 PATHS = _SCENE | _FOLDERS | {"prototypes_from", "hand.urdf", "urdf", "hydra.run.dir", "hydra.sweep.dir"}
 # Of these, what may hold numbers instead.

@@ -33,8 +33,11 @@ class View:
     """What one WebGL view can show.
 
     Attributes:
-        what: what an item is, for the label of the list. items: its names. traces: of each item, for plotly.js.
+        what: what an item is, for the label of the list. items: its names. traces: of each item, for plotly.js; in the
+            place of its corners a trace may have `shape`, an index into `shapes`, and `pose`: 3 x 4 numbers row by row.
         half: half the side of the cube that is shown, mm; 0 = what the item needs. first: the item shown at first.
+        centre: of that cube, mm. shapes: `points` (V, 3), and `i`, `j`, `k` of a mesh's faces.
+        told: of each item words in plain text; () for none. still: a picture of the first item, where WebGL is missing.
     """
 
     what: str
@@ -42,11 +45,19 @@ class View:
     traces: tuple[list[Trace], ...]
     half: float = 0.0
     first: int = 0
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shapes: tuple[dict[str, Any], ...] = ()
+    told: tuple[str, ...] = ()
+    still: Image.Image | None = None
 
     def content(self) -> dict[str, Any]:
         """For JSON."""
-        items = [{"name": name, "traces": traces} for name, traces in zip(self.items, self.traces, strict=True)]
-        return {"items": items, "half": self.half}
+        told = self.told or [""] * len(self.items)
+        items = [
+            {"name": name, "traces": traces, "told": words}
+            for name, traces, words in zip(self.items, self.traces, told, strict=True)
+        ]
+        return {"items": items, "half": self.half, "centre": self.centre, "shapes": self.shapes}
 
 
 @dataclass(frozen=True)
@@ -124,12 +135,15 @@ def png(image: Image.Image) -> bytes:
 
 def picture(image: Image.Image, alt: str) -> str:
     """A picture of things in space, made smaller for the page."""
+    small = image.resize((WIDTH, round(WIDTH * image.height / image.width)), Image.Resampling.BOX, reducing_gap=1.5)
+    return f"<figure>{_img(small, alt)}</figure>"
+
+
+def _img(image: Image.Image, alt: str) -> str:
     out = io.BytesIO()
-    image.resize((WIDTH, round(WIDTH * image.height / image.width)), Image.Resampling.BOX, reducing_gap=1.5).save(
-        out, "WEBP", quality=QUALITY, method=2
-    )
+    image.save(out, "WEBP", quality=QUALITY, method=2)
     data = base64.b64encode(out.getvalue()).decode()
-    return f'<figure><img alt="{html.escape(alt)}" src="data:image/webp;base64,{data}"></figure>'
+    return f'<img alt="{html.escape(alt)}" src="data:image/webp;base64,{data}">'
 
 
 def turning(view: View) -> str:
@@ -138,15 +152,18 @@ def turning(view: View) -> str:
     options = "".join(f"<option{marks.get(i, '')}>{html.escape(name)}</option>" for i, name in enumerate(view.items))
     eyes = "".join(f'<button data-eye="{eye}">{words}</button>' for eye, words in _EYES.items())
     content = json.dumps(view.content(), separators=(",", ":")).replace("</", "<\\/")
+    alt = view.items[view.first]
+    still = f'<figure class="still">{_img(view.still, alt)}</figure>' if view.still else ""
     return (
-        f'<div class="view"><div class="tools"><label>{view.what} <select>{options}</select></label>'
+        f'<div class="view" tabindex="0"><div class="tools"><label>{view.what} <select>{options}</select></label>'
         f'<button data-step="-1" aria-label="previous">&#9664;</button>'
         f'<button data-step="1" aria-label="next">&#9654;</button>{eyes}'
         '<button data-zoom="0.8" aria-label="nearer">+</button>'
         '<button data-zoom="1.25" aria-label="farther">&minus;</button>'
-        '<span class="hint">drag to turn, point to read</span></div>'
-        f'<div class="plot"></div><script type="application/json">{content}</script></div>'
+        f'<span class="hint" title="{_KEYS}">drag to turn, point to read</span></div>'
+        f'<p class="told"></p>{still}<div class="plot"></div><script type="application/json">{content}</script></div>'
     )
 
 
 _EYES = {"side": "from the side", "above": "from above", "below": "from below"}
+_KEYS = "keys: n and p step, left and right turn, + and - zoom"

@@ -24,13 +24,13 @@ UNSEALED = ("config.yaml", "per_object.csv")
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write JSON with rates rounded to a millionth, atomically."""
-    write_text(path, json.dumps(_rounded(content), indent=1) + "\n")
+    write_text(path, json.dumps(rounded(content), indent=1) + "\n")
 
 
 def write_results(folder: Path, content: Mapping[str, Any]) -> None:
     """`results.json` of a run, the last of its files: sealed, with the digests of those that have no room for one."""
     digests = {name: digest_of(folder / name) for name in UNSEALED if (folder / name).is_file()}
-    write_bytes(folder / RESULTS, sealed_json(_rounded({**content, FILES: digests}), indent=1))
+    write_bytes(folder / RESULTS, sealed_json(rounded({**content, FILES: digests}), indent=1))
 
 
 def write_per_object(path: Path, objects: Sequence[Predictions], n: int) -> None:
@@ -51,9 +51,10 @@ def write_per_object(path: Path, objects: Sequence[Predictions], n: int) -> None
     write_text(path, text.getvalue())
 
 
-def _rounded(value: Any) -> Any:
+def rounded(value: Any) -> Any:
+    """Plain values with every number rounded to `DIGITS`."""
     if isinstance(value, float):
         return round(value, DIGITS)
     if isinstance(value, Mapping):
-        return {key: _rounded(entry) for key, entry in value.items()}
-    return [_rounded(entry) for entry in value] if isinstance(value, list) else value
+        return {key: rounded(entry) for key, entry in value.items()}
+    return [rounded(entry) for entry in value] if isinstance(value, list) else value

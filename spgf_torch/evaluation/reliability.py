@@ -91,3 +91,14 @@ def by_flag_alone(flag: np.ndarray, success: np.ndarray, fold: np.ndarray) -> np
 def brier(probability: np.ndarray, success: np.ndarray) -> float:
     """Mean squared distance of probability (G,) and outcome (G,) bool; 0 of nothing."""
     return float(np.mean((probability - success) ** 2)) if len(success) else 0.0
+
+
+def auc(score: np.ndarray, success: np.ndarray) -> float:
+    """Area under the ROC curve: how often a success has the higher score of a pair; 0.5 where there are no pairs."""
+    positives, negatives = int(success.sum()), int((~success).sum())
+    if not positives or not negatives:
+        return 0.5
+    values, at = np.unique(score, return_inverse=True)
+    count = np.bincount(at, minlength=len(values))
+    rank = np.cumsum(count) - (count - 1) / 2  # of ties the mean, from 1
+    return float((rank[at][success].sum() - positives * (positives + 1) / 2) / (positives * negatives))

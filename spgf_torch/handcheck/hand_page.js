@@ -1,13 +1,5 @@
 "use strict";
 // Each preshape is drawn by plotly.js from the JSON that stands in it; a slider moves the links from open to closed.
-function placed(points, T) {
-  const out = [[], [], []];
-  for (const [x, y, z] of points) {
-    for (let row = 0; row < 3; row++) out[row].push(T[4 * row] * x + T[4 * row + 1] * y + T[4 * row + 2] * z + T[4 * row + 3]);
-  }
-  return { x: out[0], y: out[1], z: out[2] };
-}
-
 function tracesOf(content, step) {
   const poses = content.poses[step];
   const parts = content.parts.map((part) => ({

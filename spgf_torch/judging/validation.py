@@ -12,7 +12,7 @@ from rich import box
 from rich.table import Table
 from torch import Tensor
 
-from spgf_torch.evaluation.reliability import brier, reliability
+from spgf_torch.evaluation.reliability import auc, brier, reliability
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.learning import calibration_of
 from spgf_torch.judging.training_rows import PICKED, SAMPLED, Bench, Rows
@@ -127,17 +127,6 @@ def cross_validated(
                 "ece": reliability(p_kind, success).ece,
             }
     return found
-
-
-def auc(score: np.ndarray, success: np.ndarray) -> float:
-    """Area under the ROC curve: how often a success has the higher score of a pair; 0.5 where there are no pairs."""
-    positives, negatives = int(success.sum()), int((~success).sum())
-    if not positives or not negatives:
-        return 0.5
-    values, at = np.unique(score, return_inverse=True)
-    count = np.bincount(at, minlength=len(values))
-    rank = np.cumsum(count) - (count - 1) / 2  # of ties the mean, from 1
-    return float((rank[at][success].sum() - positives * (positives + 1) / 2) / (positives * negatives))
 
 
 def executed_table(results: dict[str, dict[str, Any]], best: int) -> Table:

@@ -1,6 +1,4 @@
-"""What stands between ours and Contact-GraspNet: the files exchanged, its calls of torch_cluster, a process that serves."""
-
-from pathlib import Path
+"""What stands between ours and Contact-GraspNet: files, its calls of torch_cluster, a process that serves."""
 
 import numpy as np
 import pytest

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from spgf_torch.judging.validation import auc
+from spgf_torch.evaluation.reliability import auc
 
 RESAMPLES, SEED = 10_000, 0
 
