@@ -21,6 +21,7 @@ from spgf_torch.hands.hand import Hand
 from spgf_torch.judging.config import JudgeConfig, ScenesConfig
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.predictor import Predictor
+from spgf_torch.proposing.bodies import bodies_of
 from spgf_torch.proposing.clearance import Surroundings
 from spgf_torch.proposing.context_features import context_features
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
@@ -49,7 +50,7 @@ class SceneCloud:
     """A scene as some cameras see it.
 
     Attributes:
-        hypotheses: (H) whose fingers are within the images. numbers (H, 31), context (H, 16) f32: theirs.
+        hypotheses: (H) whose fingers are within the images. numbers (H, 31), context (H, 20) f32: theirs.
     """
 
     seen: Seen
@@ -129,8 +130,10 @@ def _cloud(
     if scene.no_grasp is not None:
         return None
     target = scene.of(scene.targets[0])
-    its, around = Seen(target.texlets, target.views or ()), predictor.surroundings(target)
-    assert predictor.judged is not None  # it is a judge's
+    neighbours = predictor.config.neighbours
+    assert predictor.judged is not None and neighbours is not None  # it is a judge's, for many things
+    its = Seen(target.texlets, target.views or (), bodies_of(target.texlets, neighbours))
+    around = predictor.surroundings(target)
     search = predictor.judged.search
     hypotheses = search.hypotheses(its.texlets, around)
     hypotheses = hypotheses.at(in_images(its, hypotheses, search))
@@ -138,7 +141,7 @@ def _cloud(
 
 
 def described(its: Seen, around: Surroundings, hypotheses: Hypotheses, search: Search) -> tuple[Tensor, Tensor]:
-    """(H, 31) and (H, 16) f32: the numbers of hypotheses in a cloud, and of what is around them."""
+    """(H, 31) and (H, 20) f32: the numbers of hypotheses in a cloud, and of what is around them."""
     return judge_features(its, hypotheses, search), context_features(its, around, hypotheses, search)
 
 

@@ -35,7 +35,7 @@ class SceneRows:
     """R hypotheses in clouds of scenes.
 
     Attributes:
-        numbers: (R, 49) f32, `SCENE_NUMBERS`. free (R,) bool: nothing is met on the way, by the true meshes.
+        numbers: (R, 53) f32, `SCENE_NUMBERS`. free (R,) bool: nothing is met on the way, by the true meshes.
         success (R,) bool: of those tried. rank (R,) int64: place among the best; -1: at random; -2: not tried.
         scene (R,) int64: which of all scenes, counted. fold (R,) int64: of its objects.
     """

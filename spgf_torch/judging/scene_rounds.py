@@ -110,14 +110,14 @@ def choose(bench: SceneBench, judges: Mapping[int, Judge], number: int, shop: Sc
     scenes, config = shop.scenes, shop.shop.config
     word = f"{config.seed}/{number}/{bench.key.kind}/{bench.key.seed}"
     rng = torch.Generator().manual_seed(zlib.crc32(word.encode()))
-    parts = [_none()]
+    search, parts = shop.predictor.judged.search, [_none()]  # type: ignore[union-attr]
     for index, cloud in enumerate(bench.clouds):
         if cloud is None:
             continue
         taken = [torch.zeros(0, dtype=torch.int64)]
         for by, judge in judges.items():
             p = said(judge, cloud, by)
-            best = best_indices(cloud.hypotheses, p, shop.predictor.judged.search, scenes.proposing)  # type: ignore[union-attr]
+            best = best_indices(cloud.seen, cloud.hypotheses, p, search, scenes.proposing)
             taken.append(best := best[: scenes.best])
             parts.append(_chosen(bench, index, number, best, torch.arange(len(best)), by, p))
         if number <= scenes.rounds:

@@ -5,8 +5,11 @@ In the TCP frame (x closing, y across, z approach); up is the table's normal; h 
 - down: cosine of the approach with down; tilt: of the closing axis with the vertical, its size; height: of the TCP
   above the table; lowest: of the lowest part of the hand.
 - way_margin: least signed distance to a sensed point of what the hand sweeps on its way to the grasp, at most
-  `HypothesesConfig.margin`; way_unseen: share of fingers and palm that is unseen, mean over places on the way.
-- beside: log(1 + sensed points within `BALL` of the TCP that are not between the pads).
+  `HypothesesConfig.margin`; other_margin: the same to points of other bodies than the one at the TCP; way_unseen: share
+  of fingers and palm that is unseen, mean over places on the way.
+- body: log(1 + points of the body at the TCP). strange: of the points between the pads the share of other bodies.
+- beside: log(1 + sensed points within `BALL` of the TCP that are not between the pads); others: log(1 + those there that
+  are of other bodies).
 - gap: the widest stretch along closing without a point between those of the pads, over 2h: two things, or two rims.
 - top: height above the TCP of the highest point about the pads; foot: above the table, of the lowest between them.
 - off_x, off_y, off_z: |x|, |y| and z of the mean of the points within `BALL` of the TCP; std_x, std_y, std_z: their
@@ -29,8 +32,22 @@ from spgf_torch.proposing.judge_features import Seen
 from spgf_torch.sensing.unseen import behind_at
 
 POSE = ("down", "tilt", "height", "lowest")
-WAY = ("way_margin", "way_unseen")
-ABOUT = ("beside", "gap", "top", "foot", "off_x", "off_y", "off_z", "std_x", "std_y", "std_z")
+WAY = ("way_margin", "other_margin", "way_unseen")
+ABOUT = (
+    "body",
+    "strange",
+    "beside",
+    "others",
+    "gap",
+    "top",
+    "foot",
+    "off_x",
+    "off_y",
+    "off_z",
+    "std_x",
+    "std_y",
+    "std_z",
+)
 CONTEXT = (*POSE, *WAY, *ABOUT)
 BALL = 0.06  # m: what is nearer than this is about the hand; a mug's radius and a finger
 # Shares of the way back at which unseen space is looked for.
@@ -40,13 +57,17 @@ _STRETCHES = 40
 # m across the pads and along the approach within which the highest point about them is looked for.
 _ABOUT = 0.03
 
-Floats = NDArray[np.float32]
+_FAR = 100.0  # m; where points are put that are not to be met
+
+Floats, Bools = NDArray[np.float32], NDArray[np.bool_]
 
 
 def context_features(seen: Seen, around: Surroundings, hypotheses: Hypotheses, search: Search) -> Tensor:
-    """(H, 16) f32, the numbers `CONTEXT` of each hypothesis; `around` has a table."""
+    """(H, 20) f32, the numbers `CONTEXT` of each hypothesis; `around` has a table."""
     assert around.table is not None  # without one nothing is known of what is up
     sensed = torch.cat([seen.texlets.positions.float().cpu(), around.obstacles.float().cpu()])
+    known = torch.zeros(len(seen.texlets), dtype=torch.int64) if seen.bodies is None else seen.bodies
+    bodies = torch.cat([known, torch.full((len(around.obstacles),), -1)])  # what is no target is of another body
     numbers = torch.zeros(len(hypotheses), len(CONTEXT))
     for code, hand in enumerate(search.hands):
         of_type = (hypotheses.grasp_type == code).nonzero()[:, 0]
@@ -54,11 +75,12 @@ def context_features(seen: Seen, around: Surroundings, hypotheses: Hypotheses, s
         swept = HandGeometry(search.clearance.swept[name], hand.region, hand.config)
         for part in parts(of_type, len(sensed)):
             T, at = hypotheses.T[part], local(hypotheses.T[part], sensed)
+            own = seen.body_at(T[:, :3, 3])[:, None] == bodies
             numbers[part, :4] = pose_numbers(T, around.table, search.clearance.corners[name])
-            numbers[part, 4] = way_margin(at, swept)
-            numbers[part, 6:] = about(at, T, around.table, hand)
+            numbers[part, 4:6] = way_margins(at, own, swept)
+            numbers[part, 7:] = about(at, own, T, around.table, hand)
         if seen.views and len(of_type):
-            numbers[of_type, 5] = way_unseen(hypotheses.T[of_type], seen, hand, around.retreat)
+            numbers[of_type, 6] = way_unseen(hypotheses.T[of_type], seen, hand, around.retreat)
     return numbers
 
 
@@ -69,12 +91,14 @@ def pose_numbers(T: Tensor, table: Plane, corners: Tensor) -> Tensor:
     return torch.stack([-z, x.abs(), height, lowest], dim=1)
 
 
-def way_margin(at: Tensor, swept: HandGeometry) -> Tensor:
-    """(G,) m of swept hands to points at (G, 3, N); negative inside."""
-    normals, offsets = swept.planes
-    least = torch.full((len(at),), swept.config.margin)
-    nearest_piece(at.numpy(), normals.numpy(), offsets.numpy(), least.numpy())
-    return least
+def way_margins(at: Tensor, own: Tensor, swept: HandGeometry) -> Tensor:
+    """(G, 2) m of swept hands to points at (G, 3, N), and to those that are not `own` (G, N) bool; negative inside."""
+    normals, offsets = (part.numpy() for part in swept.planes)
+    least = torch.full((2, len(at)), swept.config.margin)
+    far = torch.where(own.unsqueeze(1), torch.full_like(at, _FAR), at)
+    for points, to in ((at, least[0]), (far, least[1])):
+        nearest_piece(points.numpy(), normals, offsets, to.numpy())
+    return least.T
 
 
 def way_unseen(T: Tensor, seen: Seen, hand: HandGeometry, way: float) -> Tensor:
@@ -88,20 +112,20 @@ def way_unseen(T: Tensor, seen: Seen, hand: HandGeometry, way: float) -> Tensor:
     return total / len(_BACK)
 
 
-def about(at: Tensor, T: Tensor, table: Plane, hand: HandGeometry) -> Tensor:
-    """(G, 10): the numbers `ABOUT`, of points at (G, 3, N) in the TCP frames T (G, 4, 4)."""
+def about(at: Tensor, own: Tensor, T: Tensor, table: Plane, hand: HandGeometry) -> Tensor:
+    """(G, 13): the numbers `ABOUT`, of points at (G, 3, N) in the TCP frames T (G, 4, 4); `own` (G, N) bool: the body's."""
     region = hand.region
     limits = np.array([region.half, region.height, region.low, region.high, region.middle], np.float32)
     up = torch.einsum("gij,i->gj", T[:, :3, :3], table.normal).contiguous()
     height = (T[:, :3, 3] @ table.normal - table.offset).contiguous()
     numbers = torch.empty(len(at), len(ABOUT))
-    about_numbers(at.numpy(), up.numpy(), height.numpy(), limits, numbers.numpy())
+    about_numbers(at.numpy(), own.numpy(), up.numpy(), height.numpy(), limits, numbers.numpy())
     return numbers
 
 
 @compiled
-def about_numbers(at: Floats, up: Floats, height: Floats, limits: Floats, numbers: Floats) -> None:
-    """Into numbers (G, 10): `ABOUT` of points at (G, 3, N), with up (G, 3) in their frame and TCPs height (G,) above.
+def about_numbers(at: Floats, own: Bools, up: Floats, height: Floats, limits: Floats, numbers: Floats) -> None:
+    """Into numbers (G, 13): `ABOUT` of points at (G, 3, N), with up (G, 3) in their frame and TCPs height (G,) above.
 
     limits (5,): half, height, low, high and middle of the closing region.
     """
@@ -110,7 +134,8 @@ def about_numbers(at: Floats, up: Floats, height: Floats, limits: Floats, number
     for g in range(len(at)):
         x, y, z = at[g, 0], at[g, 1], at[g, 2]
         full[:] = False
-        beside, near, foot, top = 0, 0, np.float32(np.inf), np.float32(-np.inf)
+        count, strange, others, beside, near = 0, 0, 0, 0, 0
+        foot, top = np.float32(np.inf), np.float32(-np.inf)
         sums, squares = np.zeros(3), np.zeros(3)
         for i in range(len(x)):
             over = up[g, 0] * x[i] + up[g, 1] * y[i] + up[g, 2] * z[i]
@@ -120,11 +145,14 @@ def about_numbers(at: Floats, up: Floats, height: Floats, limits: Floats, number
                 stretch = int((x[i] - middle + half) / (np.float32(2) * half) * _STRETCHES)
                 full[min(max(stretch, 0), _STRETCHES - 1)] = True
                 foot = min(foot, over)
+                count += 1
+                strange += not own[g, i]
             if along and abs(y[i]) < _ABOUT and z[i] > low - _ABOUT and z[i] < high + _ABOUT:
                 top = max(top, over)
             if x[i] * x[i] + y[i] * y[i] + z[i] * z[i] < BALL * BALL:
                 near += 1
                 beside += not between
+                others += not own[g, i]
                 for k in range(3):
                     sums[k] += at[g, k, i]
                     squares[k] += at[g, k, i] * at[g, k, i]
@@ -137,11 +165,13 @@ def about_numbers(at: Floats, up: Floats, height: Floats, limits: Floats, number
             else:
                 empty += 1
         numbers[g] = 0
-        numbers[g, 0], numbers[g, 1] = np.log1p(beside), widest / _STRETCHES
-        numbers[g, 2] = top if top > -np.inf else np.float32(0)
-        numbers[g, 3] = height[g] + foot if foot < np.inf else height[g]
+        numbers[g, 0], numbers[g, 1] = np.log1p(own[g].sum()), strange / max(count, 1)
+        numbers[g, 2], numbers[g, 3] = np.log1p(beside), np.log1p(others)
+        numbers[g, 4] = widest / _STRETCHES
+        numbers[g, 5] = top if top > -np.inf else np.float32(0)
+        numbers[g, 6] = height[g] + foot if foot < np.inf else height[g]
         if near:
             for k in range(3):
                 mean = sums[k] / near
-                numbers[g, 4 + k] = mean if k == 2 else abs(mean)
-                numbers[g, 7 + k] = np.sqrt(max(0.0, squares[k] / near - mean * mean))
+                numbers[g, 7 + k] = mean if k == 2 else abs(mean)
+                numbers[g, 10 + k] = np.sqrt(max(0.0, squares[k] / near - mean * mean))

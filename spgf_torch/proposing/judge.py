@@ -94,14 +94,14 @@ class Judge:
         """The same among other things on a table: P(nothing is met on the way), P(holds | so).
 
         Args:
-            context: (G, 16) f32, `context_features.CONTEXT`.
+            context: (G, 20) f32, `context_features.CONTEXT`.
         """
         given = self.scene_numbers(numbers, context)
         free, holds = (self.factors[SCENE, factor].log_odds(given).sigmoid() for factor in FACTORS)
         return self._shared_out(free, holds, numbers, SCENE_VIEWS)
 
     def scene_numbers(self, numbers: Tensor, context: Tensor) -> Tensor:
-        """(G, 49) f32: `SCENE_NUMBERS`, the last of them what the factors with images say, uncalibrated."""
+        """(G, 53) f32: `SCENE_NUMBERS`, the last of them what the factors with images say, uncalibrated."""
         said = [self.factors["images", factor].log_odds(numbers) for factor in FACTORS]
         return torch.cat([numbers, context, torch.stack(said, dim=1).float()], dim=1)
 

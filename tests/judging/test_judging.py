@@ -64,6 +64,18 @@ TINY = [
     "sensing.focal=144",
 ]
 
+SCENES = [
+    "scenes.number=1",
+    "scenes.rounds=2",
+    "scenes.measured=1",
+    "scenes.count=2",
+    "scenes.best=2",
+    "scenes.random=2",
+    "scenes.surveyed=20",
+    "scenes.views=[1]",
+    "scenes.proposing.neighbours.seeds=10",
+]
+
 
 def config(*overrides: str) -> JudgeConfig:
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
@@ -132,6 +144,29 @@ def test_the_same_call_gives_the_same_judge_and_tries_nothing_again(
     learn(config("objects=objects"), Path("again"))
     run = Path("outputs/judge/latest")
     assert (run / "judge.safetensors").read_bytes() == (Path("again") / "judge.safetensors").read_bytes()
+
+
+def test_scenes_teach_and_their_trials_teach_again(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The judge of single objects is the same; the table of the trials gives the very judge, without physics."""
+    monkeypatch.chdir(place)
+    run = "outputs/judge/latest"
+    given = ["objects=objects", f"trials={run}/trials", f"own_trials={run}/own_trials", "+scenes=tabletop", *SCENES]
+    (first := tmp_path / "first").mkdir()
+    (second := tmp_path / "second").mkdir()
+    learn(config(*given), first)
+    monkeypatch.setattr("spgf_torch.judging.scene_rounds.Attempts", None)
+    learn(config(*given, f"scene_trials={first}/scene_trials.parquet"), second)
+    assert (first / "judge.safetensors").read_bytes() == (second / "judge.safetensors").read_bytes()
+    old, new = load_judge(place / run), load_judge(first)
+    assert new.knows_scenes and not old.knows_scenes and set(new.calibration) >= set(old.calibration) == {"one", "more"}
+    numbers = torch.rand(5, 31)
+    assert torch.equal(new.probability(numbers, True), old.probability(numbers, True))
+    assert load_fold_judges(first).models[0].knows_scenes
+    for block in new.results["in_scenes"].values():
+        assert block["scenes"] == 1 and -1 <= block["gain"] <= 1
+    assert "## In scenes" in (first / "README.md").read_text() and not (second / "scene_trials.parquet").exists()
 
 
 @pytest.mark.parametrize(
