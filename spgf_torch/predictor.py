@@ -25,9 +25,11 @@ from spgf_torch.files.given_paths import model_and_judge
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.hands.records import Grasp, Gripper, grippers_of, make_grasp
+from spgf_torch.proposing.bodies import bodies_of
 from spgf_torch.proposing.borders import Borders
 from spgf_torch.proposing.clearance import Plane, Surroundings
 from spgf_torch.proposing.config import ProposingConfig
+from spgf_torch.proposing.hidden_space import hidden_places
 from spgf_torch.proposing.judge import Judge, load_judge
 from spgf_torch.proposing.judge_features import Seen
 from spgf_torch.proposing.judge_proposer import JudgedProposer
@@ -105,6 +107,13 @@ class Predictor:
         self.predict(block(self.sensing.spacing))
         return self
 
+    @property
+    def config(self) -> ProposingConfig:
+        """How it proposes."""
+        ranks = self.judged or self.proposer
+        assert ranks is not None  # one of them ranks
+        return ranks.config
+
     @cached_property
     def names(self) -> list[str]:
         """A word for each prototype: `rim 7`, or `fpfh 7` of a descriptor without rings; none of a judge alone."""
@@ -140,7 +149,9 @@ class Predictor:
         cloud = cloud_of_arrays(points, normals, viewpoint)
         return texlets_of(cloud, settings(SceneConfig, **changes), self.sensing, np.random.default_rng(0))
 
-    def predict(self, scene: Scene | Texlets, top: int = 10, plane: np.ndarray | None = None) -> list[Grasp]:
+    def predict(
+        self, scene: Scene | Texlets, top: int = 10, plane: np.ndarray | None = None, avoid: object = None
+    ) -> list[Grasp]:
         """The `top` best grasps of each type for each target, one list by score; none where nothing votes.
 
         No hand touches an obstacle or reaches below the table; none comes from below, if others can.
@@ -148,10 +159,15 @@ class Predictor:
         Args:
             scene: made with this model's `sensing`; or texlets alone, to which nothing else belongs.
             plane: (4,) a, b, c, d of a table under texlets, a x + b y + c z + d the height above it, m.
+            avoid: (A, 3) places in the scene's frame, m, where grasps failed before: none whose TCP is near one
+                (`avoid_radius` of conf/proposing/clutter.yaml), if there are others.
         """
         if not isinstance(top, int) or isinstance(top, bool) or top < 1:
             raise InputError(f"top: expected a whole number from 1, got {top!r:.40}")
+        failed = None if avoid is None else self._places(avoid)
         if isinstance(scene, Texlets):
+            if failed is not None:
+                raise InputError("avoid: expected with a scene, got texlets")
             return self.grasps(self.propose(scene, plane), top)
         if not isinstance(scene, Scene):
             raise InputError(
@@ -163,17 +179,34 @@ class Predictor:
             raise InputError("plane: expected with texlets only; a scene has its table (table=[a,b,c,d])")
         found: list[Grasp] = []
         for target in scene.targets if scene.no_grasp is None else ():
-            proposals = self._proposed((own := scene.of(target)).texlets, self.surroundings(own), own.views)
+            proposals = self._proposed((own := scene.of(target)).texlets, self.surroundings(own, failed), own.views)
             found += [replace(grasp, target=target) for grasp in self.grasps(proposals, top)]
         return sorted(found, key=lambda grasp: -grasp.score)
 
-    def surroundings(self, scene: Scene) -> Surroundings:
-        """What a hand must keep clear of in a scene."""
+    def _places(self, avoid: object) -> torch.Tensor:
+        """(A, 3) f32 places; InputError for anything else, and where the settings say of none how near is near."""
+        if self.config.neighbours is None:
+            raise InputError("avoid: expected a model loaded with proposing=clutter, got one without avoid_radius")
+        try:
+            places = np.asarray(avoid, dtype=np.float32).reshape(-1, 3)
+        except (TypeError, ValueError):
+            raise InputError(f"avoid: expected places (A, 3) in m, got {avoid!r:.40}") from None
+        if not np.isfinite(places).all():
+            raise InputError("avoid: expected finite places in m, got NaN or infinity")
+        return torch.from_numpy(places)
+
+    def surroundings(self, scene: Scene, failed: torch.Tensor | None = None) -> Surroundings:
+        """What a hand must keep clear of in a scene, and the places (A, 3) where grasps failed before."""
         up = None
         if scene.table is None and scene.gravity is not None:
             up = (torch.from_numpy(scene.gravity.up).float(), scene.gravity.steepest)
         borders = Borders.of(scene.texlets.positions, scene.borders)
-        return Surroundings(scene.obstacles, _table(scene.table), up, self.retreat, borders)
+        around = Surroundings(scene.obstacles, _table(scene.table), up, self.retreat, borders)
+        if (neighbours := self.config.neighbours) is None:
+            return around
+        sensed = torch.cat([scene.texlets.positions, scene.obstacles])
+        around = replace(around, hidden=hidden_places(sensed, scene.views or (), around.table, neighbours))
+        return around if failed is None else replace(around, failed=failed, failed_radius=neighbours.avoid_radius)
 
     def propose(self, texlets: Texlets, plane: np.ndarray | None = None) -> Proposals:
         """All proposals, as tensors on the model's device."""
@@ -182,7 +215,9 @@ class Predictor:
     def _proposed(self, texlets: Texlets, around: Surroundings, views: tuple[DepthView, ...] | None) -> Proposals:
         """By the judge, where there is one, else by the votes."""
         if self.judged is not None:
-            return self.judged.propose(Seen(texlets, views or ()), around)
+            neighbours = self.config.neighbours
+            bodies = None if neighbours is None else bodies_of(texlets, neighbours)
+            return self.judged.propose(Seen(texlets, views or (), bodies), around)
         assert self.proposer is not None  # one of them ranks
         return self.proposer.propose(texlets, around)
 

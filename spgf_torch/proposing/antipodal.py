@@ -23,7 +23,7 @@ def antipodal(search: Search, config: ProposingConfig, seen: Seen, around: Surro
     """The best-scored grasps, no two of which are the same; their scores, in the place of probabilities, are none."""
     hypotheses = search.hypotheses(seen.texlets, around)
     hypotheses = hypotheses.at(in_images(seen, hypotheses, search))
-    return best_of(hypotheses, antipodal_score(judge_features(seen, hypotheses, search)), search, config)
+    return best_of(seen, hypotheses, antipodal_score(judge_features(seen, hypotheses, search)), search, config)
 
 
 def antipodal_score(numbers: Tensor) -> Tensor:

@@ -16,6 +16,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.geometry import se3
 from spgf_torch.proposing.borders import Borders
 from spgf_torch.proposing.closing_region import ClosingRegion, closing_region, corners_of
+from spgf_torch.proposing.config import ProposingConfig
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,8 @@ class Surroundings:
             below, which is left to where nothing else is possible; None: hands may come from anywhere.
         retreat: m back along the approach, where the way to the grasp begins.
         borders: where what was looked at ends, but the thing does not; None: nowhere.
+        hidden: (K, 3) f32, places that no camera saw free and where something may be, m.
+        failed: (A, 3) f32, places where grasps failed before, m: no TCP comes within `failed_radius` (m) of one.
     """
 
     obstacles: Tensor = field(default_factory=lambda: torch.zeros(0, 3))
@@ -57,6 +60,9 @@ class Surroundings:
     up: tuple[Tensor, float] | None = None
     retreat: float = 0.0
     borders: Borders | None = None
+    hidden: Tensor = field(default_factory=lambda: torch.zeros(0, 3))
+    failed: Tensor = field(default_factory=lambda: torch.zeros(0, 3))
+    failed_radius: float = 0.0
 
     def near(self, points: Tensor, reach: float) -> Surroundings:
         """The same with only the obstacles within `reach` (m) of the box around the points (N, 3)."""
@@ -83,6 +89,10 @@ class Surroundings:
         direction, steepest = self.up
         return T_object_tcp[:, :3, 2] @ direction.to(T_object_tcp) > steepest
 
+    def failed_at(self, places: Tensor) -> Tensor:
+        """(G,) bool: grasps failed near the places (G, 3) before."""
+        return (torch.cdist(places.float(), self.failed.to(places.device).float()) < self.failed_radius).any(1)
+
 
 @dataclass(frozen=True)
 class Clearance:
@@ -94,12 +104,24 @@ class Clearance:
         between: m about the TCP, across closing and approach, as far as a point counts as between the fingers at least;
             across closing, fingers that are broader count as far as they reach. Those of the SDH-2's pinches (12 mm to
             either side) and of the Panda (9 mm) are not, so for both hands it is the number of conf/proposing.
+        way: m back along the approach that the hand comes from: all that it sweeps counts as the hand.
+        unseen_on_way: whether that goes for unseen space as well.
     """
 
     volumes: Mapping[str, HandVolume]
     plane_clearance: float
     between: float
     obstacle_clearance: float = 0.0
+    way: float = 0.0
+    unseen_on_way: bool = False
+
+    @staticmethod
+    def of(volumes: Mapping[str, HandVolume], config: ProposingConfig) -> Clearance:
+        """As the settings say."""
+        clearance = Clearance(volumes, config.plane_clearance, config.between, config.obstacle_clearance)
+        if config.neighbours is None:
+            return clearance
+        return replace(clearance, way=config.neighbours.way, unseen_on_way=config.neighbours.unseen_on_way)
 
     @cached_property
     def grasp_types(self) -> tuple[str, ...]:
@@ -118,13 +140,27 @@ class Clearance:
 
     @cached_property
     def reach(self) -> float:
-        """m from the TCP to the farthest point of an open hand."""
-        return max(float(corners.norm(dim=1).max()) for corners in self.corners.values())
+        """m from the TCP to the farthest point of an open hand, at the grasp or on its way."""
+        back = torch.tensor([0.0, 0.0, self.way])
+        ends = [torch.stack([corners, corners - back]) for corners in self.corners.values()]
+        return max(float(corners.norm(dim=2).max()) for corners in ends)
+
+    @cached_property
+    def swept(self) -> Mapping[str, HandVolume]:
+        """Grasp type -> what the open hand takes up on its way to the grasp."""
+        if not self.way:
+            return self.volumes
+        return {grasp_type: _swept(volume, self.way) for grasp_type, volume in self.volumes.items()}
 
     @cached_property
     def swollen(self) -> dict[str, HandVolume]:
-        """Grasp type -> the open hand, each piece larger by the clearance from obstacles on every side."""
-        return {grasp_type: _swollen(volume, self.obstacle_clearance) for grasp_type, volume in self.volumes.items()}
+        """The same, each piece larger by the clearance from obstacles on every side."""
+        return {grasp_type: _swollen(volume, self.obstacle_clearance) for grasp_type, volume in self.swept.items()}
+
+    @property
+    def seen(self) -> Mapping[str, HandVolume]:
+        """Grasp type -> what of the open hand must be in space that was seen free."""
+        return self.swept if self.unseen_on_way else self.volumes
 
     @cached_property
     def corners(self) -> dict[str, Tensor]:
@@ -150,12 +186,16 @@ class Clearance:
         return closes
 
     def free_of_points(self, points: Tensor, T_object_tcp: Tensor, grasp_type: Tensor) -> Tensor:
-        """(G,) bool: no point (N, 3) lies inside the open hand at the grasps (G, 4, 4) of types (G,)."""
-        return self._free(points, T_object_tcp, grasp_type, self.volumes)
+        """(G,) bool: no point (N, 3) lies inside the open hand at the grasps (G, 4, 4) of types (G,), or on its way."""
+        return self._free(points, T_object_tcp, grasp_type, self.swept)
 
     def free_of_obstacles(self, obstacles: Tensor, T_object_tcp: Tensor, grasp_type: Tensor) -> Tensor:
         """The same with the clearance from obstacles (M, 3)."""
         return self._free(obstacles, T_object_tcp, grasp_type, self.swollen)
+
+    def free_of_hidden(self, hidden: Tensor, T_object_tcp: Tensor, grasp_type: Tensor) -> Tensor:
+        """The same of places (K, 3) that no camera saw free."""
+        return self._free(hidden, T_object_tcp, grasp_type, self.seen)
 
     def _free(
         self, points: Tensor, T_object_tcp: Tensor, grasp_type: Tensor, volumes: Mapping[str, HandVolume]
@@ -199,6 +239,18 @@ def _swollen(volume: HandVolume, by: float) -> HandVolume:
     """Every piece with its faces moved outwards, m."""
     planes = tuple(torch.cat([piece[:, :3], piece[:, 3:] + by], dim=1) for piece in volume.planes)
     return HandVolume(planes, volume.low - by, volume.high + by)
+
+
+def _swept(volume: HandVolume, way: float) -> HandVolume:
+    """All that each piece passes on the last `way` m of its approach, which is convex as the piece is."""
+    pieces = []
+    for planes in volume.planes:
+        there = corners_of(planes.double().cpu().numpy())
+        sides = ConvexHull(np.concatenate([there, there - [0.0, 0.0, way]])).equations
+        sides[:, 3] *= -1
+        pieces.append(torch.from_numpy(np.unique(np.round(sides, 9), axis=0)).float())
+    low = torch.minimum(volume.low, volume.low - torch.tensor([0.0, 0.0, way]))
+    return replace(volume, planes=tuple(pieces), low=low)
 
 
 def _box(region: ClosingRegion, least: float) -> HandVolume:

@@ -4,7 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from spgf_torch.settings import bounded, defaults_from
+from omegaconf import MISSING
+
+from spgf_torch.settings import bounded, defaults_from, left_out
+
+
+@dataclass
+class NeighboursConfig:
+    """What is different where a target has neighbours, or is a whole table of things (conf/proposing/clutter.yaml)."""
+
+    way: float = bounded(0.0, 1.0)
+    unseen_from: float = bounded(0.0, 0.1)
+    unseen_depth: float = bounded(0.0, 1.0)
+    unseen_cell: float = bounded(0.002, 0.05)
+    unseen_on_way: bool = MISSING
+    seeds: int = bounded(1, 100_000)
+    judged: int = bounded(1, 1_000_000)
+    voters: int = bounded(1, 1_000_000)
+    quota: int = bounded(1, 100_000)
+    body_link: float = bounded(0.001, 0.1)
+    body_hollow_deg: float = bounded(0.0, 180.0)
+    avoid_radius: float = bounded(0.0, 1.0)
 
 
 @dataclass
@@ -39,6 +59,7 @@ class ProposingConfig:
     plane_clearance: float = bounded(0.0, 1.0)
     between: float = bounded(0.001, 0.2)
     probability_weight: float = bounded(0.0, 1.0)
+    neighbours: NeighboursConfig | None = left_out()
 
 
 @dataclass

@@ -77,13 +77,17 @@ class Search:
         return Search(clearance, config, hand_geometry(clearance.volumes, config))
 
     @cached_property
-    def pieces(self) -> tuple[tuple[Pieces, Pieces], ...]:
-        """Of each grasp type, what may not touch texlets, and what obstacles."""
-        names, volumes, swollen = self.clearance.grasp_types, self.clearance.volumes, self.clearance.swollen
-        return tuple((pieces_of(volumes[name]), pieces_of(swollen[name])) for name in names)
+    def pieces(self) -> tuple[tuple[Pieces, Pieces, Pieces], ...]:
+        """Of each grasp type, what may not touch texlets, what obstacles, and what hidden places."""
+        kinds = self.clearance.swept, self.clearance.swollen, self.clearance.seen
+        return tuple(
+            (pieces_of(kinds[0][name]), pieces_of(kinds[1][name]), pieces_of(kinds[2][name]))
+            for name in self.clearance.grasp_types
+        )
 
     def hypotheses(self, texlets: Texlets, around: Surroundings) -> Hypotheses:
-        """Free poses about the texlets, at most `config.hypotheses`; from below only where there are no others."""
+        """Free poses about the texlets, at most `config.hypotheses`; from below, or where grasps
+        failed, only where there are no others."""
         positions, normals = texlets.positions.float().cpu(), texlets.normals.float().cpu()
         if not len(positions):
             return Hypotheses(torch.zeros(0, 4, 4), torch.zeros(0, dtype=torch.int64))
@@ -92,13 +96,15 @@ class Search:
         found = self._found(T, positions, around)
         if not len(found) and around.up is not None:
             found = self._found(T, positions, replace(around, up=None))
+        if bool((elsewhere := ~around.failed_at(found.T[:, :3, 3])).any()):
+            found = found.at(elsewhere)
         if len(found) > self.config.hypotheses:
             picked = torch.randperm(len(found), generator=torch.Generator().manual_seed(0))
             found = found.at(picked[: self.config.hypotheses].sort().values)
         return found
 
     def free(self, T: Tensor, grasp_type: Tensor, positions: Tensor, around: Surroundings) -> Tensor:
-        """(G,) bool: the open hand touches no point (N, 3), no obstacle, no table, and does not come from below."""
+        """(G,) bool: the open hand touches no point (N, 3) and nothing around it, and does not come from below."""
         free = ~around.from_below(T)
         if around.table is not None:
             free &= self.clearance.free_of_plane(around.table, T, grasp_type, around.retreat)
@@ -108,6 +114,7 @@ class Search:
             (around.sparse(_SPARSE), self.clearance.free_of_obstacles),
             (positions, self.clearance.free_of_points),
             (around.obstacles, self.clearance.free_of_obstacles),
+            (around.hidden, self.clearance.free_of_hidden),
         ):
             left = free.nonzero()[:, 0]
             free[left] = test(points, T[left], grasp_type[left])
@@ -144,10 +151,10 @@ class Search:
             least = self.clearance.least_height(around.table, T, grasp_type, around.retreat)
             possible &= where @ around.table.normal >= least[:, None, None]
         kept = torch.zeros_like(possible)
-        sensed, others = (part.float().T.contiguous().numpy() for part in (positions, around.obstacles))
-        things = ((sensed, self.pieces[code][0]), (others, self.pieces[code][1]))
+        what = (part.float().T.contiguous().numpy() for part in (positions, around.obstacles, around.hidden))
+        sensed, others, hidden = zip(what, self.pieces[code], strict=True)
         poses = T.contiguous().numpy(), where.contiguous().numpy(), possible.contiguous().numpy()
-        deepest_free(*poses, self.config.back, things, kept.numpy())
+        deepest_free(*poses, self.config.back, (sensed, others, hidden), kept.numpy())
         frame, k, place = kept.nonzero(as_tuple=True)
         return moved(T[frame], depths[k], shift[frame, k, place])
 

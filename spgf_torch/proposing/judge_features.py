@@ -12,8 +12,9 @@ up: a table takes part through what is free of it, not here.
   better side; n_min, n_max: mean cosine.
 - both_sides, log_both: points whose cosine with x is beyond 0.5 to either side, of the rarer side: any, log(1 + count).
 - reach: how deep the pads reach past the nearest point in front of them.
-- c_x, c_y, c_z, c_arm: the mean of all texlets: |x|, |y|, z, hypot(y, z). span: extent of all texlets along x over 2h.
-  size_1 to size_3: root mean square extents of the texlets along their principal axes.
+- c_x, c_y, c_z, c_arm: the mean of the body's texlets: |x|, |y|, z, hypot(y, z). span: their extent along x over 2h;
+  size_1 to size_3: their root mean square extents along their principal axes. The body is all that is seen, or of
+  several (`Seen.bodies`) the one nearest to the TCP.
 - views: how many images; 0: no image is known, and then the rest is 0 too.
 - from_seen: cosine-like, how far the hand comes from where the cameras are.
 - finger_near, finger_mid, finger_far: share of the fingers' inside that is unseen, by metres behind the seen surface
@@ -31,6 +32,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from spgf_torch.proposing.bodies import body_at
 from spgf_torch.proposing.hand_geometry import HandGeometry
 from spgf_torch.proposing.hand_loops import nearest_piece, pad_numbers
 from spgf_torch.proposing.hypotheses import Hypotheses, Search, local, parts
@@ -61,10 +63,22 @@ _DEEPEST = 0.1
 
 @dataclass(frozen=True)
 class Seen:
-    """What is known of a target: its texlets, and the images, () where there are none."""
+    """What is known of a target.
+
+    Attributes:
+        texlets: its surface. views: the images, () where there are none.
+        bodies: (N,) int64, the thing that each texlet is of, where there may be several (`bodies`); None: all of one.
+    """
 
     texlets: Texlets
     views: Sequence[DepthView] = ()
+    bodies: Tensor | None = None
+
+    def body_at(self, places: Tensor) -> Tensor:
+        """(G,) int64: the body nearest to each place (G, 3)."""
+        if self.bodies is None or not len(self.bodies):
+            return torch.zeros(len(places), dtype=torch.int64)
+        return body_at(places, self.texlets.positions, self.bodies)
 
 
 def judge_features(seen: Seen, hypotheses: Hypotheses, search: Search) -> Tensor:
@@ -80,7 +94,7 @@ def judge_features(seen: Seen, hypotheses: Hypotheses, search: Search) -> Tensor
             numbers[part, 1] = margin(at, hand, hand.config.margin)
             cosine = (T[:, :3, 0] @ normals.T).view(len(T), len(normals))
             numbers[part, 2 : 3 + len(PADS)] = between_pads(at, cosine, hand)
-            numbers[part, 3 + len(PADS) : len(GEOMETRY)] = body(at, positions, hand)
+            numbers[part, 3 + len(PADS) : len(GEOMETRY)] = bodies(at, T, seen, hand)
         if seen.views:
             numbers[of_type, len(GEOMETRY) :] = unseen(hypotheses.T[of_type], seen, hand)
     return numbers
@@ -121,6 +135,18 @@ def between_pads(at: Tensor, cosine: Tensor, hand: HandGeometry) -> Tensor:
     limits = np.array([*box, config.near_fingers, config.pad_depth, edge, _FACING], np.float32)
     numbers = torch.empty(len(at), len(PADS) + 1)
     pad_numbers(at.numpy(), cosine.numpy(), limits, numbers.numpy())
+    return numbers
+
+
+def bodies(at: Tensor, T: Tensor, seen: Seen, hand: HandGeometry) -> Tensor:
+    """(G, 8): the numbers `BODY` of hands at poses (G, 4, 4) against the body that each is at; all lie at (G, 3, N)."""
+    positions = seen.texlets.positions.float().cpu()
+    if seen.bodies is None:
+        return body(at, positions, hand)
+    which, numbers = seen.body_at(T[:, :3, 3]), torch.zeros(len(T), len(BODY))
+    for number in which.unique().tolist():
+        its, own = which == number, seen.bodies == number
+        numbers[its] = body(at[its][:, :, own], positions[own], hand)
     return numbers
 
 

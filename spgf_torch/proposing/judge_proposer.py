@@ -6,7 +6,7 @@ The votes of local shapes (`propose`) take no part in the ranking; they are repo
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -14,14 +14,14 @@ from torch import Tensor
 from spgf_torch.affordance.sensed_collision import HandVolume
 from spgf_torch.proposing.borders import clear_of_borders
 from spgf_torch.proposing.clearance import Clearance, Surroundings
-from spgf_torch.proposing.config import ProposingConfig
+from spgf_torch.proposing.config import HypothesesConfig, ProposingConfig
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import Seen, in_images, judge_features
 from spgf_torch.proposing.judge_influences import Numbers
 from spgf_torch.proposing.proposals import Proposals, votes_by_prototype
 from spgf_torch.proposing.propose import NOTHING, Pool, Proposer
-from spgf_torch.proposing.sampling import non_maximum_suppression
+from spgf_torch.proposing.sampling import first_of_each, non_maximum_suppression
 
 
 @dataclass(frozen=True)
@@ -56,13 +56,14 @@ class JudgedProposer:
     def of(judge: Judge, proposer: Proposer) -> JudgedProposer:
         """With the clearances of the proposer; InputError where the judge is of another hand than its model."""
         judge.check_hand(proposer.model.settings.get("hand"), "the model's hand")
-        return JudgedProposer(judge, Search.of(proposer.clearance, judge.hypotheses), proposer.config, proposer)
+        search = Search.of(proposer.clearance, searched(judge.hypotheses, proposer.config))
+        return JudgedProposer(judge, search, proposer.config, proposer)
 
     @staticmethod
     def alone(judge: Judge, volumes: Mapping[str, HandVolume], config: ProposingConfig) -> JudgedProposer:
         """Without a model, so without votes; `volumes`: grasp type -> the open hand."""
-        clearance = Clearance(volumes, config.plane_clearance, config.between, config.obstacle_clearance)
-        return JudgedProposer(judge, Search.of(clearance, judge.hypotheses), config, None)
+        search = Search.of(Clearance.of(volumes, config), searched(judge.hypotheses, config))
+        return JudgedProposer(judge, search, config, None)
 
     def propose(self, seen: Seen, around: Surroundings = NOTHING) -> Proposals:
         """Grasps for what is seen, the most probable first, with the votes of local shapes on each."""
@@ -83,6 +84,13 @@ class JudgedProposer:
         return Proposals(*its, support, voted_by, found.factors, found.numbers)
 
 
+def searched(hypotheses: HypothesesConfig, config: ProposingConfig) -> HypothesesConfig:
+    """How a judge looks for hypotheses; among neighbours about more places, and more of them, than about one thing."""
+    if config.neighbours is None:
+        return hypotheses
+    return replace(hypotheses, seeds=config.neighbours.seeds, hypotheses=config.neighbours.judged)
+
+
 def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, around: Surroundings) -> Ranked:
     """The most probable grasps, no two of which are the same, at most `config.count` of each type."""
     hypotheses = search.hypotheses(seen.texlets, around)
@@ -91,23 +99,25 @@ def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, ar
     hypotheses = hypotheses.at(clear)
     numbers = judge_features(seen, hypotheses, search)
     factors = torch.stack(judge.both(numbers, images=bool(seen.views)), dim=1)
-    kept = best_indices(hypotheses, score := factors.prod(1).float(), search, config)
+    kept = best_indices(seen, hypotheses, score := factors.prod(1).float(), search, config)
     usual = numbers.median(0).values if len(numbers) else numbers
     known = tuple(Numbers(numbers[i], usual, bool(seen.views)) for i in kept.tolist())
     return Ranked(hypotheses.at(kept), score[kept], factors[kept], known)
 
 
-def best_of(hypotheses: Hypotheses, score: Tensor, search: Search, config: ProposingConfig) -> Ranked:
+def best_of(seen: Seen, hypotheses: Hypotheses, score: Tensor, search: Search, config: ProposingConfig) -> Ranked:
     """The highest scores (H,) f32, no two of the same grasp, at most `config.count` of each type."""
-    kept = best_indices(hypotheses, score, search, config)
+    kept = best_indices(seen, hypotheses, score, search, config)
     return Ranked(hypotheses.at(kept), score[kept])
 
 
-def best_indices(hypotheses: Hypotheses, score: Tensor, search: Search, config: ProposingConfig) -> Tensor:
+def best_indices(seen: Seen, hypotheses: Hypotheses, score: Tensor, search: Search, config: ProposingConfig) -> Tensor:
     """(G,) int64, those of `best_of`, the best first."""
     alike = torch.zeros_like(hypotheses.grasp_type)  # a wide and a narrow grasp of one place are one grasp
     limits = config.apart, config.apart_deg, search.clearance.symmetry(hypotheses.grasp_type)
     kept = non_maximum_suppression(hypotheses.T, alike, score, *limits)
+    if config.neighbours is not None:
+        kept = kept[first_of_each(seen.body_at(hypotheses.T[kept, :3, 3]), config.neighbours.quota)]
     pool = Pool(hypotheses.T[kept], hypotheses.grasp_type[kept], score[kept])
     kept = kept[of_each := pool.best_of_each_type(config.count)]
     return kept[torch.argsort(pool.score[of_each], descending=True, stable=True)]

@@ -94,8 +94,9 @@ class Proposer:
         """With the settings that the model was learned with; volumes: grasp type -> the open hand."""
         affordance = typed(AffordanceConfig, model.settings["affordance"])
         features = typed(FeatureConfig, model.settings["features"])
-        clearance = Clearance(volumes, config.plane_clearance, config.between, config.obstacle_clearance)
-        return Proposer(model, affordance, features, config, clearance)
+        if config.neighbours is not None:
+            affordance = replace(affordance, features_per_object=config.neighbours.voters)
+        return Proposer(model, affordance, features, config, Clearance.of(volumes, config))
 
     @cached_property
     def index(self) -> VotingIndex:

@@ -22,6 +22,8 @@ Ids = NDArray[np.int64]
 Pieces = tuple[Doubles, Doubles, Ids, Bools]
 # Points as columns (3, N), and what may not touch them.
 Things = tuple[Floats, Pieces]
+# Texlets, obstacles, and hidden places.
+Kinds = tuple[Things, Things, Things]
 # Those of the points that a volume may touch near one pose: coordinates (3, N) in its frame, in cells; indices (N,);
 # and (2,) how many, -1 before they are looked for, and which of them was touched last.
 Near = tuple[Floats, Ids, Ids]
@@ -68,9 +70,7 @@ def extents(at: Floats, edges: Floats, first: Floats, last: Floats, low: Floats,
 
 
 @compiled
-def deepest_free(
-    T: Floats, where: Floats, possible: Bools, back: int, things: tuple[Things, Things], kept: Bools
-) -> None:
+def deepest_free(T: Floats, where: Floats, possible: Bools, back: int, things: Kinds, kept: Bools) -> None:
     """Mark in kept (F, D, P) the first place along D that is possible and touches nothing, and the one `back` after it.
 
     Hands have the rotations of T (F, 4, 4) and stand at where (F, D, P, 3); the latter one too is only marked where it
@@ -78,11 +78,11 @@ def deepest_free(
     """
     D, P = possible.shape[1:]
     offset, box = np.empty((D, P, 3)), np.empty((2, 3))
-    near = (room_for(things[0]), room_for(things[1]))
+    near = (room_for(things[0]), room_for(things[1]), room_for(things[2]))
     for f in range(len(T)):
         if not offsets_of(T[f], where[f], possible[f], offset, box):
             continue
-        for t in range(2):
+        for t in range(3):
             near[t][2][:] = -1, 0
         for p in range(P):
             for k in range(D):
@@ -119,10 +119,10 @@ def offsets_of(pose: Floats, where: Floats, possible: Bools, offset: Doubles, bo
 
 @compiled
 def free_at(
-    pose: Floats, place: Floats, offset: Doubles, box: Doubles, things: tuple[Things, Things], near: tuple[Near, Near]
+    pose: Floats, place: Floats, offset: Doubles, box: Doubles, things: Kinds, near: tuple[Near, Near, Near]
 ) -> bool:
     """Whether hands at a place, `offset` from their pose in its axes, touch nothing."""
-    for t in range(2):
+    for t in range(3):
         if near[t][2][0] < 0:
             gather(pose, box, things[t], near[t])
         if touching(pose, place, offset, things[t], near[t]):

@@ -43,6 +43,12 @@ def non_maximum_suppression(
     return order[torch.from_numpy(independent_set(pairs, len(order))).to(order.device)]
 
 
+def first_of_each(group: Tensor, quota: int) -> Tensor:
+    """(G,) bool of groups (G,) int64 in order: fewer than `quota` before it are of the same."""
+    alike = group.unsqueeze(1) == group
+    return alike.tril(diagonal=-1).sum(1) < quota
+
+
 def same_grasp(T: Tensor, distance: float, angle_deg: float, symmetry: Tensor | int = 2) -> Tensor:
     """Return (G, G) bool, which poses lie within `distance` (m) and `angle_deg` of each other.
 

@@ -51,7 +51,7 @@ def stages(judge: Judge, search: Search, config: ProposingConfig, cloud: Cloud) 
     clock.append(time.process_time())
     factors = torch.stack(judge.both(numbers, images=bool(seen.views)), dim=1)
     clock.append(time.process_time())
-    best_of(hypotheses, factors.prod(1).float(), search, config)
+    best_of(cloud.seen, hypotheses, factors.prod(1).float(), search, config)
     clock.append(time.process_time())
     names = ("hypotheses", "in_images", "numbers", "judge", "best_of")
     return {name: end - start for name, (start, end) in zip(names, pairwise(clock), strict=True)}
