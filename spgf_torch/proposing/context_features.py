@@ -8,8 +8,8 @@ In the TCP frame (x closing, y across, z approach); up is the table's normal; h 
   `HypothesesConfig.margin`; other_margin: the same to points of other bodies than the one at the TCP; way_unseen: share
   of fingers and palm that is unseen, mean over places on the way.
 - body: log(1 + points of the body at the TCP). strange: of the points between the pads the share of other bodies.
-- beside: log(1 + sensed points within `BALL` of the TCP that are not between the pads); others: log(1 + those there that
-  are of other bodies).
+- beside: log(1 + sensed points within `BALL` of the TCP that are not between the pads); others: log(1 + those within it
+  that are of other bodies).
 - gap: the widest stretch along closing without a point between those of the pads, over 2h: two things, or two rims.
 - top: height above the TCP of the highest point about the pads; foot: above the table, of the lowest between them.
 - off_x, off_y, off_z: |x|, |y| and z of the mean of the points within `BALL` of the TCP; std_x, std_y, std_z: their
@@ -59,7 +59,8 @@ _ABOUT = 0.03
 
 _FAR = 100.0  # m; where points are put that are not to be met
 
-Floats, Bools = NDArray[np.float32], NDArray[np.bool_]
+Floats = NDArray[np.float32]
+Bools = NDArray[np.bool_]
 
 
 def context_features(seen: Seen, around: Surroundings, hypotheses: Hypotheses, search: Search) -> Tensor:
@@ -113,7 +114,7 @@ def way_unseen(T: Tensor, seen: Seen, hand: HandGeometry, way: float) -> Tensor:
 
 
 def about(at: Tensor, own: Tensor, T: Tensor, table: Plane, hand: HandGeometry) -> Tensor:
-    """(G, 13): the numbers `ABOUT`, of points at (G, 3, N) in the TCP frames T (G, 4, 4); `own` (G, N) bool: the body's."""
+    """(G, 13): the numbers `ABOUT`, of points at (G, 3, N) in TCP frames T (G, 4, 4); own (G, N) bool: the body's."""
     region = hand.region
     limits = np.array([region.half, region.height, region.low, region.high, region.middle], np.float32)
     up = torch.einsum("gij,i->gj", T[:, :3, :3], table.normal).contiguous()

@@ -15,6 +15,7 @@ from spgf_torch.affordance.sensed_collision import HandVolume
 from spgf_torch.proposing.borders import clear_of_borders
 from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.config import HypothesesConfig, ProposingConfig
+from spgf_torch.proposing.context_features import context_features
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import Seen, in_images, judge_features
@@ -98,7 +99,12 @@ def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, ar
     clear = clear_of_borders(around.borders, hypotheses.T, hypotheses.grasp_type, search.clearance.regions)
     hypotheses = hypotheses.at(clear)
     numbers = judge_features(seen, hypotheses, search)
-    factors = torch.stack(judge.both(numbers, images=bool(seen.views)), dim=1)
+    if config.neighbours is not None and judge.knows_scenes and around.table is not None and seen.views:
+        context = context_features(seen, around, hypotheses, search)
+        factors = torch.stack(judge.both_in_scene(numbers, context), dim=1)
+        numbers = torch.cat([numbers, context], dim=1)
+    else:
+        factors = torch.stack(judge.both(numbers, images=bool(seen.views)), dim=1)
     kept = best_indices(seen, hypotheses, score := factors.prod(1).float(), search, config)
     usual = numbers.median(0).values if len(numbers) else numbers
     known = tuple(Numbers(numbers[i], usual, bool(seen.views)) for i in kept.tolist())
