@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from spgf_torch.judging.config import JudgeConfig
+from spgf_torch.judging.scene_validation import scene_lines
 from spgf_torch.proposing.judge import Judge
 
 LIMITS = """\
@@ -67,16 +68,7 @@ def scenes_card(results: dict[str, Any]) -> str:
     """How a judge that learned in scenes did there beside one that did not; nothing of another."""
     if not results:
         return ""
-    lines = []
-    for name, block in results.items():
-        low, high = block["gain_interval95"]
-        gain = f"{100 * block['gain']:+.1f} ({100 * low:+.1f} to {100 * high:+.1f})"
-        for who in ("object judge", "scene judge"):
-            its = block[who]
-            shares = [f"{100 * its[key]:.1f}" for key in ("best", "first", "predicted")]
-            told = [name, who, *shares, f"{its['auc']:.3f}", f"{its['ece']:.3f}", gain if who == "scene judge" else ""]
-            lines.append(f"| {' | '.join(told)} |")
-    rows = "\n".join(lines)
+    rows = "\n".join(f"| {' | '.join(line)} |" for line in scene_lines(results))
     return f"""\
 ## In scenes of objects that it had not seen
 Tables full of things, other than those that it learned in: what the judge of single objects and what the judge that

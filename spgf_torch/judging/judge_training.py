@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 from spgf_torch.cache import Cache
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
-from spgf_torch.experiment.held_out import save_fold_judges
+from spgf_torch.experiment.held_out import load_fold_judges, save_fold_judges
 from spgf_torch.experiment.labelled_grasps import open_hand, tables_of
 from spgf_torch.files.digests import sealed_yaml
 from spgf_torch.files.writing import write_bytes, write_text
@@ -38,7 +38,7 @@ from spgf_torch.paths import find
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.hypotheses import Search
-from spgf_torch.proposing.judge import Judge, save_judge
+from spgf_torch.proposing.judge import Judge, load_judge, save_judge
 from spgf_torch.settings import plain
 from spgf_torch.simulation.executors import check_address, executor_of
 from spgf_torch.simulation.table import TrialTable, table_path, write_table
@@ -122,9 +122,18 @@ class Course:
         with self.shop.stages.stage("learning", self.shop.config.folds, "judges") as advance:
             of_fold = self._of_fold(rows, advance)
         lessons = Lessons(self._learned(rows, benches, of_fold), of_fold, self.given or own)
-        return lessons if self.shop.config.scenes is None else self._in_scenes(lessons)
+        return lessons if self.shop.config.scenes is None else self.in_scenes(lessons)
 
-    def _in_scenes(self, lessons: Lessons) -> Lessons:
+    def known(self, folder: Path) -> Lessons:
+        """The judges that an earlier call left. Raises InputError for those of another hand or other folds."""
+        judge, folds = load_judge(folder), load_fold_judges(folder)
+        judge.check_hand(plain(self.shop.config.hand), "this hand")
+        its = [folds.fold_of(obj) for obj in self.objects]
+        if its != self.fold.tolist():
+            raise InputError(f"judge: expected the folds of seed={self.shop.config.seed}, got others in {folder}")
+        return Lessons(judge, folds.models, [])
+
+    def in_scenes(self, lessons: Lessons) -> Lessons:
         """The same judges, which learned in scenes, too."""
         config, given = self.shop.config, None
         if config.scene_trials is not None:
@@ -223,7 +232,7 @@ class Course:
         """
         size = save_judge(lessons.judge, folder)
         write_text(folder / card, judge_card(lessons.judge, self.shop.config, size))
-        if self.given is None:
+        if self.given is None and lessons.own:
             (folder / OWN_TRIALS).mkdir()
             for its in lessons.own:
                 write_own(folder / OWN_TRIALS, its)

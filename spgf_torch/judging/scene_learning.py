@@ -10,17 +10,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.evaluation.reliability import reliability
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.learning import fit, rising_curve
 from spgf_torch.judging.scene_benches import KINDS, SceneBench, described
 from spgf_torch.judging.scene_rounds import OBJECT, SCENE, SceneShop, choose
-from spgf_torch.judging.scene_trials import PROPOSERS, SceneTrials
-from spgf_torch.judging.validation import auc
+from spgf_torch.judging.scene_trials import SceneTrials
+from spgf_torch.judging.scene_validation import compared
 from spgf_torch.proposing.judge import FACTORS, SCENE_NUMBERS, SCENE_VIEWS, Curve, Judge
 from spgf_torch.proposing.judge import SCENE as KNOWN
 from spgf_torch.proposing.judge_features import NAMES
@@ -133,28 +131,6 @@ def learn_scenes(rows: SceneRows, config: JudgeConfig) -> Factors:
     return dict(zip([(KNOWN, factor) for factor in FACTORS], (free, holds), strict=True))
 
 
-def compared(trials: SceneTrials, config: JudgeConfig) -> dict[str, Any]:
-    """Of what judges of either sort chose in the same clouds: rates, and their difference, paired by scene."""
-    assert config.scenes is not None  # there are trials in scenes
-    found: dict[str, Any] = {}
-    for index, views in enumerate(config.scenes.views):
-        for kind, name in enumerate(KINDS):
-            its = trials.at((trials.cloud == index) & (trials.kind == kind))
-            if not len(its):
-                continue
-            each = {who: its.at(its.by == who) for who in (OBJECT, SCENE)}
-            rates = {who: _by_scene(chosen) for who, chosen in each.items()}
-            both = sorted(set(rates[OBJECT]) & set(rates[SCENE]))
-            gain = np.array([rates[SCENE][scene] - rates[OBJECT][scene] for scene in both])
-            found[f"{views} view{'s' * (views > 1)}, {name}"] = {
-                "scenes": len(both),
-                **{PROPOSERS[who]: _rates(chosen, rates[who]) for who, chosen in each.items()},
-                "gain": float(gain.mean()),
-                "gain_interval95": _interval(gain, config),
-            }
-    return found
-
-
 def _measured(bench: SceneBench, lessons: SceneLessons, given: SceneTrials | None, shop: SceneShop) -> SceneTrials:
     number, fold = shop.scenes.rounds + 1, bench.key.fold
     known = _given(given, bench, number)
@@ -194,29 +170,6 @@ def _weights(scene: Tensor) -> Tensor:
 
 def _number(bench: SceneBench) -> int:
     return bench.key.seed * len(KINDS) + KINDS.index(bench.key.kind)
-
-
-def _by_scene(trials: SceneTrials) -> dict[int, float]:
-    return {
-        scene: float(trials.success[trials.scene == scene].double().mean()) for scene in trials.scene.unique().tolist()
-    }
-
-
-def _rates(trials: SceneTrials, by_scene: Mapping[int, float]) -> dict[str, float]:
-    p, success = trials.probability.double().numpy(), trials.success.numpy()
-    return {
-        "best": float(np.mean(list(by_scene.values()))),
-        "first": float(trials.success[trials.rank == 0].double().mean()),
-        "predicted": float(p.mean()),
-        "auc": auc(p, success),
-        "ece": reliability(p, success).ece,
-        "trials": len(trials),
-    }
-
-
-def _interval(values: np.ndarray, config: JudgeConfig) -> list[float]:
-    drawn = np.random.default_rng(config.seed).choice(values, size=(config.bootstrap, len(values)))
-    return np.quantile(drawn.mean(axis=1), (0.025, 0.975)).tolist()
 
 
 def _none() -> SceneRows:

@@ -14,9 +14,10 @@ from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.judging.config import JudgeConfig, ScenesConfig, TreesConfig
 from spgf_torch.judging.scene_benches import SceneCheck
-from spgf_torch.judging.scene_learning import SceneLessons, SceneRows, compared, learn_scenes
+from spgf_torch.judging.scene_learning import SceneLessons, SceneRows, learn_scenes
 from spgf_torch.judging.scene_rounds import OBJECT, SCENE
 from spgf_torch.judging.scene_trials import FILE, SceneTrials, read_scene_trials, write_scene_trials
+from spgf_torch.judging.scene_validation import compared, scene_lines
 from spgf_torch.objects.library import load_objects
 from spgf_torch.paths import find
 from spgf_torch.proposing.hypotheses import Hypotheses
@@ -105,6 +106,16 @@ def test_judges_are_compared_in_the_same_scenes() -> None:
     old, new = block["object judge"], block["scene judge"]
     assert (old["best"], old["first"], new["best"], new["first"]) == (0.5, 1.0, 1.0, 1.0)
     assert old["auc"] == 1.0 and old["ece"] == pytest.approx((0.2 + 0.6) / 2) and old["trials"] == 6
+    assert scene_lines(found)[1] == [
+        "1 view, pile",
+        "scene judge",
+        "100.0",
+        "100.0",
+        "80.0",
+        "0.500",
+        "0.200",
+        "+50.0 (+50.0 to +50.0)",
+    ]
     assert new["auc"] == 0.5 and new["ece"] == pytest.approx(0.2) and new["predicted"] == pytest.approx(0.8)
 
 
