@@ -157,18 +157,10 @@ def about_numbers(at: Floats, own: Bools, up: Floats, height: Floats, limits: Fl
                 for k in range(3):
                     sums[k] += at[g, k, i]
                     squares[k] += at[g, k, i] * at[g, k, i]
-        widest, empty, begun = 0, 0, False
-        for stretch in range(_STRETCHES):
-            if full[stretch]:
-                if begun:
-                    widest = max(widest, empty)
-                begun, empty = True, 0
-            else:
-                empty += 1
         numbers[g] = 0
         numbers[g, 0], numbers[g, 1] = np.log1p(own[g].sum()), strange / max(count, 1)
         numbers[g, 2], numbers[g, 3] = np.log1p(beside), np.log1p(others)
-        numbers[g, 4] = widest / _STRETCHES
+        numbers[g, 4] = widest_gap(full) / _STRETCHES
         numbers[g, 5] = top if top > -np.inf else np.float32(0)
         numbers[g, 6] = height[g] + foot if foot < np.inf else height[g]
         if near:
@@ -176,3 +168,16 @@ def about_numbers(at: Floats, own: Bools, up: Floats, height: Floats, limits: Fl
                 mean = sums[k] / near
                 numbers[g, 7 + k] = mean if k == 2 else abs(mean)
                 numbers[g, 10 + k] = np.sqrt(max(0.0, squares[k] / near - mean * mean))
+
+
+@compiled
+def widest_gap(full: Bools) -> int:
+    """The longest run of empty stretches between full ones, of full (S,)."""
+    widest, empty, begun = 0, 0, False
+    for stretch in range(len(full)):
+        if full[stretch]:
+            widest = max(widest, empty) if begun else 0
+            begun, empty = True, 0
+        else:
+            empty += 1
+    return widest
