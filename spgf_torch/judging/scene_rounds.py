@@ -88,11 +88,12 @@ class SceneShop:
         poses = chosen.poses
 
         def run() -> dict[str, Tensor]:
-            ends = [
-                attempts.run(bench.placed, T, names[code]).cause
-                for T, code in zip(poses.T.double().numpy(), poses.grasp_type.tolist(), strict=True)
-            ]
-            return {"cause": torch.tensor([CAUSES.index(end) for end in ends], dtype=torch.int64)}
+            ends: dict[tuple[bytes, int], str] = {}  # what two judges chose is tried once
+            each = [(T.tobytes(), code) for T, code in zip(poses.T.numpy(), poses.grasp_type.tolist(), strict=True)]
+            for T, key in zip(poses.T.double().numpy(), each, strict=True):
+                if key not in ends:
+                    ends[key] = attempts.run(bench.placed, T, names[key[1]]).cause
+            return {"cause": torch.tensor([CAUSES.index(ends[key]) for key in each], dtype=torch.int64)}
 
         objects = [(each.obj.digest, each.obj.mass) for each in bench.placed]
         where = np.array([each.T_world_object for each in bench.placed])
@@ -105,7 +106,7 @@ class SceneShop:
 def choose(bench: SceneBench, judges: Mapping[int, Judge], number: int, shop: SceneShop) -> SceneTrials:
     """What is to be tried in a scene: in each cloud the best of each judge (into `PROPOSERS`), some at random.
 
-    The same is not tried twice: what two judges choose has one row for each.
+    What two judges choose has a row for each.
     """
     scenes, config = shop.scenes, shop.shop.config
     word = f"{config.seed}/{number}/{bench.key.kind}/{bench.key.seed}"
