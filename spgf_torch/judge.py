@@ -44,8 +44,8 @@ def run(config: JudgeConfig, folder: Path) -> None:
     for note in found.notes:
         show(note)
     course = Course.of(found.objects, config, cache, stages)
-    if config.judge is not None:
-        lessons = course.in_scenes(course.known(find(config.judge)))
+    if config.known is not None:
+        lessons = course.in_scenes(course.known(find(config.known)))
     else:
         tables = course.tables()
         for line in hopeless_types(tables, config.hand.name):
@@ -62,12 +62,23 @@ def run(config: JudgeConfig, folder: Path) -> None:
 
 def _check_scenes(config: JudgeConfig) -> None:
     """InputError for settings of learning in scenes without scenes."""
-    given = {"judge": config.judge, "scene_trials": config.scene_trials}
+    given = {"known": config.known, "scene_trials": config.scene_trials}
     for key, value in given.items():
         if value is not None and config.scenes is None:
             raise InputError(f"{key}: expected with +scenes=tabletop, got it without scenes")
-    if config.scenes is not None and config.scenes.proposing.neighbours is None:
+    if (scenes := config.scenes) is None:
+        return
+    if scenes.proposing.neighbours is None:
         raise InputError("scenes.proposing: expected neighbours, as conf/proposing/clutter.yaml has them; got none")
+    if not scenes.views or not 1 <= min(scenes.views) <= max(scenes.views) <= 24:
+        raise InputError(f"scenes.views: expected numbers of cameras from 1 to 24, got {scenes.views}")
+    learned = range(scenes.first, scenes.first + scenes.rounds * scenes.number)
+    measured = range(scenes.first_measured, scenes.first_measured + scenes.measured)
+    if learned and measured and learned.start < measured.stop and measured.start < learned.stop:
+        raise InputError(
+            f"scenes.first_measured: expected seeds beside those that teach, {learned.start} to {learned.stop - 1}, "
+            f"got {measured.start} to {measured.stop - 1}"
+        )
 
 
 if __name__ == "__main__":

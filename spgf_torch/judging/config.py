@@ -50,7 +50,7 @@ class ScenesConfig:
 class JudgeConfig(ObjectsConfig):
     """`python -m spgf_torch.judge`: a hand's judge of grasp hypotheses."""
 
-    judge: str | None = text()
+    known: str | None = text()
     trials: str | None = text()
     own_trials: str | None = text()
     candidates: int = bounded(1, 1_000_000)

@@ -130,7 +130,7 @@ class Course:
         judge.check_hand(plain(self.shop.config.hand), "this hand")
         its = [folds.fold_of(obj) for obj in self.objects]
         if its != self.fold.tolist():
-            raise InputError(f"judge: expected the folds of seed={self.shop.config.seed}, got others in {folder}")
+            raise InputError(f"known: expected the folds of seed={self.shop.config.seed}, got others in {folder}")
         return Lessons(judge, folds.models, [])
 
     def in_scenes(self, lessons: Lessons) -> Lessons:

@@ -176,6 +176,13 @@ def test_scenes_teach_and_their_trials_teach_again(
         (["trials=nowhere"], ["nowhere", "simulate"]),
         (["objects=objects", "folds=5"], ["folds (5)", "got 4", "folds=4"]),
         (["objects=objects", "trials=empty"], ["config.yaml", "simulate"]),
+        (["objects=objects", "known=empty"], ["known", "+scenes=tabletop"]),
+        (["objects=objects", "known=empty", "+scenes=tabletop"], ["judge.json", "no such file"]),
+        (["objects=objects", "+scenes=tabletop", "scenes.views=[0]"], ["scenes.views", "1 to 24", "[0]"]),
+        (
+            ["objects=objects", "+scenes=tabletop", "scenes.first_measured=39"],
+            ["first_measured", "0 to 39", "39 to 58"],
+        ),
     ],
 )
 def test_bad_input_is_refused(
