@@ -42,10 +42,10 @@ def run(config: ClutterConfig, folder: Path) -> None:
     from spgf_torch.handcheck.standing import tried_hand
 
     stages, others = ProgressReporter(), [OtherRun.read(other) for other in config.beside or ()]
-    hand = tried_hand(config.hand, config.episode)
     objects = _objects(config, stages)
     tasks = scene_tasks(config, learned, objects)
     taught = check_method(config, learned, sorted({task.fold for task in tasks}, key=str))
+    hand = tried_hand(config.hand, config.episode)
     out = Path(config.out) if config.out else folder
     parts = [[obj.digest for obj in objects], learned.digests()]
     files = SceneFiles(out, made_with(config, parts), {obj.name: obj for obj in objects})

@@ -197,16 +197,7 @@ class Predictor:
 
     def surroundings(self, scene: Scene, failed: torch.Tensor | None = None) -> Surroundings:
         """What a hand must keep clear of in a scene, and the places (A, 3) where grasps failed before."""
-        up = None
-        if scene.table is None and scene.gravity is not None:
-            up = (torch.from_numpy(scene.gravity.up).float(), scene.gravity.steepest)
-        borders = Borders.of(scene.texlets.positions, scene.borders)
-        around = Surroundings(scene.obstacles, _table(scene.table), up, self.retreat, borders)
-        if (neighbours := self.config.neighbours) is None:
-            return around
-        sensed = torch.cat([scene.texlets.positions, scene.obstacles])
-        around = replace(around, hidden=hidden_places(sensed, scene.views or (), around.table, neighbours))
-        return around if failed is None else replace(around, failed=failed, failed_radius=neighbours.avoid_radius)
+        return surroundings_of(scene, self.config, self.retreat, failed)
 
     def propose(self, texlets: Texlets, plane: np.ndarray | None = None) -> Proposals:
         """All proposals, as tensors on the model's device."""
@@ -241,6 +232,22 @@ class Predictor:
             numbers = proposals.numbers[i] if proposals.numbers else None
             found.append(replace(grasp, score=float(proposals.score[i]), judged=judged, numbers=numbers))
         return found
+
+
+def surroundings_of(
+    scene: Scene, config: ProposingConfig, retreat: float, failed: torch.Tensor | None = None
+) -> Surroundings:
+    """The same as `Predictor.surroundings`, for whoever else proposes with these settings."""
+    up = None
+    if scene.table is None and scene.gravity is not None:
+        up = (torch.from_numpy(scene.gravity.up).float(), scene.gravity.steepest)
+    borders = Borders.of(scene.texlets.positions, scene.borders)
+    around = Surroundings(scene.obstacles, _table(scene.table), up, retreat, borders)
+    if (neighbours := config.neighbours) is None:
+        return around
+    sensed = torch.cat([scene.texlets.positions, scene.obstacles])
+    around = replace(around, hidden=hidden_places(sensed, scene.views or (), around.table, neighbours))
+    return around if failed is None else replace(around, failed=failed, failed_radius=neighbours.avoid_radius)
 
 
 def sensing_of(model: Path | None, judge: Path | None) -> SensingConfig:

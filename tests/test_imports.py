@@ -120,6 +120,8 @@ except SystemExit as left:
         ("train", ["K=0"]),
         ("judge", ["objects=missing"]),
         ("judge", ["trials=missing"]),
+        ("clutter", ["objects=missing"]),
+        ("clutter", ["model=missing"]),
     ],
     ids=str,
 )

@@ -120,6 +120,12 @@ class Served:
                 raise self.network._refused(f"exit status {process.wait()}")
             return read_grasps(got)[0]
 
+    def end(self) -> None:
+        """End the process, where there is one; it ends by itself when this one does."""
+        if self._process is not None:
+            self._process.communicate()
+            self._process = None
+
 
 def _environment() -> dict[str, str]:
     """Without our package, and on one thread."""

@@ -23,6 +23,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.hands.hand import Hand
 from spgf_torch.predictor import Predictor, surroundings_of
 from spgf_torch.proposing.antipodal import antipodal
+from spgf_torch.proposing.bodies import bodies_of
 from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
@@ -142,7 +143,9 @@ class Antipodal:
 
     def choose(self, sensed: Sensed, avoid: np.ndarray) -> Chosen | None:
         tools, scene = self.tools, sensed.scene
-        seen = Seen(scene.texlets, scene.views or ())
+        neighbours = tools.config.neighbours
+        bodies = None if neighbours is None else bodies_of(scene.texlets, neighbours)
+        seen = Seen(scene.texlets, scene.views or (), bodies)
         poses = antipodal(tools.search, tools.config, seen, tools.around(scene, avoid)).poses
         return tools.chosen(poses, 0) if len(poses) else None
 

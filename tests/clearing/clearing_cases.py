@@ -1,6 +1,7 @@
 """Small scenes of clutter, made by hand."""
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import trimesh
@@ -39,16 +40,18 @@ PLACED = (standing(OBJECTS[0], -0.08, 0.02), standing(OBJECTS[1], 0.07, 0.03), s
 
 
 @cache
-def composed(*overrides):
+def composed(hand):
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return OmegaConf.to_container(compose("clutter", overrides=list(overrides)), resolve=True)
+        return compose("clutter", overrides=[f"hand={hand}", "objects=data/objects"])
 
 
-def config(**changes):
+def config(hand="sdh2", **changes):
     """Settings of a quick run, with one small image; what is changed may be a part of a group."""
     small = {"sensing.width": 160, "sensing.height": 120, "sensing.focal": 144, "workers": 1, "bootstrap": 1000}
-    given = {"objects": "data/objects", "film": "null", **small, **changes}
-    return typed(ClutterConfig, composed(*(f"{key}={value}" for key, value in given.items())))
+    values = OmegaConf.create(OmegaConf.to_container(composed(hand), resolve=True))
+    for key, value in {"film": None, **small, **changes}.items():
+        OmegaConf.update(values, key, str(value) if isinstance(value, Path) else value)
+    return typed(ClutterConfig, OmegaConf.to_container(values))
 
 
 def scene(number, succeeded, objects=3, causes=(), probability=0.5, ended="clear"):

@@ -1,5 +1,7 @@
 """What stands between ours and Contact-GraspNet: files, its calls of torch_cluster, a process that serves."""
 
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -80,3 +82,33 @@ def test_the_cube_is_twice_the_object_within_bounds():
     for width, side in ((0.02, 0.2), (0.15, 0.3), (0.5, 0.6)):
         near = grid[contact_graspnet.in_cube(grid, np.array([[-width / 2, 0, 0], [width / 2, 0.01, 0.01]]))]
         assert np.ptp(near[:, 0]) == pytest.approx(side, abs=0.0101)
+
+
+SERVES = """#!{python}
+import shutil, sys
+while sys.stdin.readline():
+    got = sys.stdin.readline().strip()
+    if {dies}:
+        sys.exit(3)
+    shutil.copy({answer!r}, got)
+    print("answered", flush=True)
+"""
+
+
+@pytest.mark.parametrize("dies", [False, True])
+def test_a_process_serves_one_cloud_after_the_other(dies, tmp_path):
+    T = np.tile(np.eye(4), (2, 1, 1))
+    numbers = {"confidence": np.array([0.9, 0.2]), "counts": np.array([2]), "seconds": np.array([0.5])}
+    np.savez(tmp_path / "answer.npz", T_base=T, **numbers)
+    python = tmp_path / "python"
+    python.write_text(SERVES.format(python=sys.executable, dies=dies, answer=str(tmp_path / "answer.npz")))
+    python.chmod(0o755)
+    served = ContactGraspNet(python).serving()
+    cloud = Raw(np.zeros((3, 3), np.float32), np.ones(3, bool))
+    if dies:
+        with pytest.raises(InputError, match=r"cgn-pytorch.*got exit status 3"):
+            served.grasps(cloud, 0)
+    else:
+        found = [served.grasps(cloud, seed) for seed in (1, 2)]
+        assert [its.confidence.tolist() for its in found] == [pytest.approx([0.9, 0.2])] * 2 and found[1].seconds == 0.5
+    served.end()

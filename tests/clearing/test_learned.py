@@ -35,22 +35,22 @@ def test_without_folds_all_objects_are_one_pool(run):
 
 
 def test_held_out_each_fold_is_a_pool_with_its_own_model_and_judge(run):
-    learned = Learned.of(config(model=run, held_out="true"))
+    learned = Learned.of(config(model=run, held_out=True))
     pools = learned.pools(OBJECTS)
     assert [(fold, [obj.name for obj in pool]) for fold, pool in pools] == [(0, ["flat"]), (1, ["tall", "cube"])]
     assert learned.folders(1) == (str(run / "fold_models/1"), str(run / "folds/1"))
-    assert Learned.of(config(model="none", judge=run, held_out="true")).folders(0) == ("none", str(run / "folds/0"))
-    assert Learned.of(config(model=run, judge="none", held_out="true")).folders(0)[1] == "none"
+    assert Learned.of(config(model="none", judge=run, held_out=True)).folders(0) == ("none", str(run / "folds/0"))
+    assert Learned.of(config(model=run, judge="none", held_out=True)).folders(0)[1] == "none"
 
 
 def test_methods_without_learning_draw_from_the_same_pools(run):
-    learned = Learned.of(config(model=run, held_out="true", method="antipodal"))
+    learned = Learned.of(config(model=run, held_out=True, method="antipodal"))
     assert [fold for fold, _ in learned.pools(OBJECTS)] == [0, 1]
     assert Learned.of(config(model="nowhere", method="antipodal")).pools(OBJECTS) == [(None, list(OBJECTS))]
 
 
 def test_folds_that_differ_or_do_not_know_an_object_are_told(run):
-    learned = Learned.of(config(model=run, held_out="true"))
+    learned = Learned.of(config(model=run, held_out=True))
     folds(run / "folds", {**FOLDS, "cube": 0})
     with pytest.raises(InputError, match=r"^judge: expected the folds of the model in .*, got others in "):
         learned.pools(OBJECTS)
@@ -80,6 +80,4 @@ def test_what_may_plan_is_told_apart_by_digests(run):
     before = Learned.of(config(model=run)).digests()
     (run / "judge.json").write_text("another")
     after = Learned.of(config(model=run)).digests()
-    assert (
-        len(before) == 4 and sum(a != b for a, b in zip(before, after, strict=True)) == 2
-    )  # model folder is the judge's
+    assert len(before) == 4 and sum(a != b for a, b in zip(before, after, strict=True)) == 2  # one folder holds both
