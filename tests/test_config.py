@@ -22,6 +22,7 @@ from spgf_torch.scene.config import SceneConfig
 from spgf_torch.second_engine.config import MujocoConfig
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import LEFT_OUT, plain, settings, typed
+from spgf_torch.simulation.clutter_config import ArrangementConfig, AttemptConfig
 from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig, SimulateConfig
 
 CONF = Path(__file__).parents[1] / "conf"
@@ -37,6 +38,8 @@ def composed(command: str, *overrides: str) -> dict:
 
 ROOMS = (
     AffordanceConfig,
+    ArrangementConfig,
+    AttemptConfig,
     CollisionConfig,
     EpisodeConfig,
     FeatureConfig,

@@ -73,13 +73,11 @@ class Attempts:
         """Try the grasp of a type at T_world_tcp (4, 4) among objects at rest."""
         begun = time.process_time()
         trial = _Trial(self, placed, np.asarray(T_world_tcp, dtype=np.float64), grasp_type, film)
+        start = trial.tabletop.poses()
         cause = trial.run()
         taken = trial.held[0] if cause == "none" else None
-        ended = [Placed(each.obj, T) for each, T in zip(placed, trial.tabletop.poses(), strict=True)]
         left = [index for index in range(len(placed)) if index != taken]
-        if any(not np.array_equal(ended[k].T_world_object, placed[k].T_world_object) for k in left):
-            for k, each in zip(left, rested([ended[k] for k in left], self.arrangement), strict=True):
-                ended[k] = each
+        ended = self._ended(placed, left, start, trial.tabletop.poses())
         lost = tuple(k for k in left if not inside(ended[k], self.arrangement))
         moved = [k for k in left if np.linalg.norm(ended[k].centre - placed[k].centre) > self.config.disturbed]
         return Attempt(
@@ -87,13 +85,24 @@ class Attempts:
             cause=cause,
             taken=taken,
             touched=tuple(trial.touched),
-            gripped=tuple(trial.gripped),
+            gripped=tuple(sorted(trial.gripped)),
             disturbed=tuple(k for k in moved if k not in lost),
             lost=lost,
             placed=tuple(ended[k] for k in left if k not in lost),
             motion=trial.recorder.motion() if trial.recorder else None,
             seconds=time.process_time() - begun,
         )
+
+    def _ended(
+        self, placed: Sequence[Placed], left: Sequence[int], start: Sequence[np.ndarray], end: Sequence[np.ndarray]
+    ) -> list[Placed]:
+        """Where all are once those that are left are at rest; what nothing has moved stays as it was to the bit."""
+        same = [np.array_equal(T, before) for T, before in zip(end, start, strict=True)]
+        ended = [each if still else Placed(each.obj, T) for each, still, T in zip(placed, same, end, strict=True)]
+        if not all(same[k] for k in left):
+            for k, each in zip(left, rested([ended[k] for k in left], self.arrangement), strict=True):
+                ended[k] = each
+        return ended
 
     def builder(self, grasp_type: str) -> CarriedHandBuilder:
         """What builds the hand for grasps of one type."""

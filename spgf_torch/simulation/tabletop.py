@@ -80,6 +80,7 @@ class Tabletop:
             for body in self.bodies:
                 body.sleep_threshold = SLEEP
                 body.put_to_sleep()
+            self.system.step()  # poses are what PhysX makes of those given, as after any step
 
     def add_box(self, half_size: ArrayLike, centre: ArrayLike) -> physx.PhysxRigidStaticComponent:
         """A box that stands still."""
