@@ -64,19 +64,19 @@ def _check_scenes(config: JudgeConfig) -> None:
     """InputError for settings of learning in scenes without scenes."""
     given = {"known": config.known, "scene_trials": config.scene_trials}
     for key, value in given.items():
-        if value is not None and config.scenes is None:
-            raise InputError(f"{key}: expected with +scenes=tabletop, got it without scenes")
-    if (scenes := config.scenes) is None:
+        if value is not None and config.context is None:
+            raise InputError(f"{key}: expected with +context=tabletop, got it without scenes")
+    if (scenes := config.context) is None:
         return
     if scenes.proposing.neighbours is None:
-        raise InputError("scenes.proposing: expected neighbours, as conf/proposing/clutter.yaml has them; got none")
+        raise InputError("context.proposing: expected neighbours, as conf/proposing/clutter.yaml has them; got none")
     if not scenes.views or not 1 <= min(scenes.views) <= max(scenes.views) <= 24:
-        raise InputError(f"scenes.views: expected numbers of cameras from 1 to 24, got {scenes.views}")
+        raise InputError(f"context.views: expected numbers of cameras from 1 to 24, got {scenes.views}")
     learned = range(scenes.first, scenes.first + scenes.rounds * scenes.number)
     measured = range(scenes.first_measured, scenes.first_measured + scenes.measured)
     if learned and measured and learned.start < measured.stop and measured.start < learned.stop:
         raise InputError(
-            f"scenes.first_measured: expected seeds beside those that teach, {learned.start} to {learned.stop - 1}, "
+            f"context.first_measured: expected seeds beside those that teach, {learned.start} to {learned.stop - 1}, "
             f"got {measured.start} to {measured.stop - 1}"
         )
 

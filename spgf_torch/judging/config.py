@@ -27,8 +27,8 @@ class TreesConfig:
 
 
 @dataclass
-class ScenesConfig:
-    """Tables full of things that a judge learns in (conf/scenes/tabletop.yaml)."""
+class ContextConfig:
+    """Tables full of things that a judge learns in (conf/context/tabletop.yaml)."""
 
     number: int = bounded(1, 1000)
     rounds: int = bounded(1, 10)
@@ -80,5 +80,5 @@ class JudgeConfig(ObjectsConfig):
     proposing: ProposingConfig = field(default_factory=ProposingConfig)
     hypotheses: HypothesesConfig = field(default_factory=HypothesesConfig)
     learning: TreesConfig = field(default_factory=TreesConfig)
-    scenes: ScenesConfig | None = left_out()
+    context: ContextConfig | None = left_out()
     scene_trials: str | None = text()

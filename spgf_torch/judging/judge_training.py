@@ -122,7 +122,7 @@ class Course:
         with self.shop.stages.stage("learning", self.shop.config.folds, "judges") as advance:
             of_fold = self._of_fold(rows, advance)
         lessons = Lessons(self._learned(rows, benches, of_fold), of_fold, self.given or own)
-        return lessons if self.shop.config.scenes is None else self.in_scenes(lessons)
+        return lessons if self.shop.config.context is None else self.in_scenes(lessons)
 
     def known(self, folder: Path) -> Lessons:
         """The judges that an earlier call left. Raises InputError for those of another hand or other folds."""

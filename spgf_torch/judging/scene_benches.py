@@ -18,7 +18,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.geometry import se3
 from spgf_torch.hands.fingers import triangle_tree
 from spgf_torch.hands.hand import Hand
-from spgf_torch.judging.config import JudgeConfig, ScenesConfig
+from spgf_torch.judging.config import ContextConfig, JudgeConfig
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.predictor import Predictor
 from spgf_torch.proposing.bodies import bodies_of
@@ -62,7 +62,7 @@ class SceneCloud:
 
 @dataclass(frozen=True)
 class SceneBench:
-    """A scene with its clouds, one for each entry of `ScenesConfig.views`; None: nothing is seen there."""
+    """A scene with its clouds, one for each entry of `ContextConfig.views`; None: nothing is seen there."""
 
     key: SceneKey
     placed: tuple[Placed, ...]
@@ -145,6 +145,6 @@ def described(its: Seen, around: Surroundings, hypotheses: Hypotheses, search: S
     return judge_features(its, hypotheses, search), context_features(its, around, hypotheses, search)
 
 
-def _scenes(config: JudgeConfig) -> ScenesConfig:
-    assert config.scenes is not None  # who asks for scenes has settings for them
-    return config.scenes
+def _scenes(config: JudgeConfig) -> ContextConfig:
+    assert config.context is not None  # who asks for scenes has settings for them
+    return config.context

@@ -18,7 +18,7 @@ from torch import Tensor
 from spgf_torch.cache import code_fingerprint, fingerprint
 from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.geometry import se3
-from spgf_torch.judging.config import ScenesConfig
+from spgf_torch.judging.config import ContextConfig
 from spgf_torch.judging.rounds import Workshop
 from spgf_torch.judging.scene_benches import KINDS, SceneBench, SceneCloud, SceneKey
 from spgf_torch.judging.scene_trials import PROPOSERS, SceneTrials
@@ -48,8 +48,8 @@ class SceneShop:
     judges: Mapping[int, Judge]
 
     @property
-    def scenes(self) -> ScenesConfig:
-        config = self.shop.config.scenes
+    def scenes(self) -> ContextConfig:
+        config = self.shop.config.context
         assert config is not None  # who opens this shop has settings for it
         return config
 

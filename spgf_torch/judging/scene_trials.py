@@ -103,7 +103,7 @@ def origin_of(objects: Sequence[GraspObject], trials: Trials, config: JudgeConfi
         "episode": plain(trials.episode),
         "judging": choice,
         "sensing": plain(config.sensing),
-        "scenes": plain(config.scenes),
+        "context": plain(config.context),
     }
 
 
@@ -126,7 +126,7 @@ def write_scene_trials(folder: Path, trials: SceneTrials, origin: dict[str, Any]
 def read_scene_trials(path: Path, origin: dict[str, Any], grasp_types: tuple[str, ...]) -> SceneTrials:
     """The table in a file. Raises InputError where it is damaged, or was made from something else than `origin`."""
     if not path.is_file():
-        raise InputError(f"{path}: expected {WHAT}, got no such file; make it: judge +scenes=tabletop leaves {FILE}")
+        raise InputError(f"{path}: expected {WHAT}, got no such file; make it: judge +context=tabletop leaves {FILE}")
     check_seal(path, WHAT)
     content = parquet_table(path, WHAT, COLUMNS, MOST_ROWS)
     try:

@@ -19,9 +19,9 @@ from spgf_torch.judging.validation import auc
 
 def compared(trials: SceneTrials, config: JudgeConfig) -> dict[str, Any]:
     """Of what judges of either sort chose in the same clouds: rates, and their difference, paired by scene."""
-    assert config.scenes is not None  # there are trials in scenes
+    assert config.context is not None  # there are trials in scenes
     found: dict[str, Any] = {}
-    for index, views in enumerate(config.scenes.views):
+    for index, views in enumerate(config.context.views):
         for kind, name in enumerate(KINDS):
             its = trials.at((trials.cloud == index) & (trials.kind == kind))
             if not len(its):

@@ -41,7 +41,7 @@ def stages(config: JudgeConfig, tried: bool) -> list[tuple[str, float]]:
         plan.append(("trials", _SHARES["chosen"] * chosen))
     taught = (config.rounds + 1) * _SHARES["learning"]
     plan += [("rows", _SHARES["rows"]), ("learning", 1.7 * taught), ("learning", 0.3 * taught)]
-    if (scenes := config.scenes) is None:
+    if (scenes := config.context) is None:
         return plan
     counts = [scenes.number] * scenes.rounds + [scenes.measured]
     in_scenes = [("scenes", 2 * count * _SHARES["scene"]) for count in counts]

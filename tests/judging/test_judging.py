@@ -65,15 +65,15 @@ TINY = [
 ]
 
 SCENES = [
-    "scenes.number=1",
-    "scenes.rounds=2",
-    "scenes.measured=1",
-    "scenes.count=2",
-    "scenes.best=2",
-    "scenes.random=2",
-    "scenes.surveyed=20",
-    "scenes.views=[1]",
-    "scenes.proposing.neighbours.seeds=10",
+    "context.number=1",
+    "context.rounds=2",
+    "context.measured=1",
+    "context.count=2",
+    "context.best=2",
+    "context.random=2",
+    "context.surveyed=20",
+    "context.views=[1]",
+    "context.proposing.neighbours.seeds=10",
 ]
 
 
@@ -152,7 +152,7 @@ def test_scenes_teach_and_their_trials_teach_again(
     """The judge of single objects is the same; the table of the trials gives the very judge, without physics."""
     monkeypatch.chdir(place)
     run = "outputs/judge/latest"
-    given = ["objects=objects", f"trials={run}/trials", f"own_trials={run}/own_trials", "+scenes=tabletop", *SCENES]
+    given = ["objects=objects", f"trials={run}/trials", f"own_trials={run}/own_trials", "+context=tabletop", *SCENES]
     (first := tmp_path / "first").mkdir()
     (second := tmp_path / "second").mkdir()
     learn(config(*given), first)
@@ -176,11 +176,11 @@ def test_scenes_teach_and_their_trials_teach_again(
         (["trials=nowhere"], ["nowhere", "simulate"]),
         (["objects=objects", "folds=5"], ["folds (5)", "got 4", "folds=4"]),
         (["objects=objects", "trials=empty"], ["config.yaml", "simulate"]),
-        (["objects=objects", "known=empty"], ["known", "+scenes=tabletop"]),
-        (["objects=objects", "known=empty", "+scenes=tabletop"], ["judge.json", "no such file"]),
-        (["objects=objects", "+scenes=tabletop", "scenes.views=[0]"], ["scenes.views", "1 to 24", "[0]"]),
+        (["objects=objects", "known=empty"], ["known", "+context=tabletop"]),
+        (["objects=objects", "known=empty", "+context=tabletop"], ["judge.json", "no such file"]),
+        (["objects=objects", "+context=tabletop", "context.views=[0]"], ["context.views", "1 to 24", "[0]"]),
         (
-            ["objects=objects", "+scenes=tabletop", "scenes.first_measured=39"],
+            ["objects=objects", "+context=tabletop", "context.first_measured=39"],
             ["first_measured", "0 to 39", "39 to 58"],
         ),
     ],

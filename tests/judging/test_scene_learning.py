@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 from spgf_torch.errors import InputError
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
-from spgf_torch.judging.config import JudgeConfig, ScenesConfig, TreesConfig
+from spgf_torch.judging.config import ContextConfig, JudgeConfig, TreesConfig
 from spgf_torch.judging.scene_benches import SceneCheck
 from spgf_torch.judging.scene_learning import SceneLessons, SceneRows, learn_scenes
 from spgf_torch.judging.scene_rounds import OBJECT, SCENE
@@ -31,7 +31,7 @@ MADE = JudgeConfig(
     bootstrap=200,
     seed=0,
     learning=settings(TreesConfig, trees=20, least=10),
-    scenes=ScenesConfig(views=[1, 4]),
+    context=ContextConfig(views=[1, 4]),
 )
 TYPES = ("NPG", "WPG")
 
@@ -88,7 +88,7 @@ def test_a_table_comes_back_as_it_was(tmp_path: Path) -> None:
         read_scene_trials(tmp_path / FILE, {**origin, "objects": {"egg": "2f"}}, TYPES)
     with pytest.raises(InputError, match=r"expected trials made with these hand_digest, got others: 2f"):
         read_scene_trials(tmp_path / FILE, {**origin, "hand_digest": "2f"}, TYPES)
-    with pytest.raises(InputError, match="got no such file; make it: judge \\+scenes=tabletop"):
+    with pytest.raises(InputError, match="got no such file; make it: judge \\+context=tabletop"):
         read_scene_trials(tmp_path / "nothing", origin, TYPES)
     content = bytearray((tmp_path / FILE).read_bytes())
     content[40] ^= 1
