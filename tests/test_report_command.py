@@ -1,12 +1,12 @@
 """`python -m spgf_torch.report` from the outside: every file it leaves, and the page in a real browser."""
 
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from browser import needs_browser, opened
 from commands import call
 
 sys.path.insert(0, str(Path(__file__).parent / "reporting"))
@@ -18,7 +18,6 @@ from spgf_torch.reporting.data.runs import Notes, load_runs
 from spgf_torch.reporting.pages.build import build
 
 ROOT = Path(__file__).parents[1]
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 PICTURES = [
     *("fig01_overview", "fig02_angles", "fig03_grid", "fig04_moving_average", "fig05_alignment"),
     *("fig06_transformation", "fig07_setup"),
@@ -27,12 +26,6 @@ PICTURES = [
 ]
 TABLES = ["table1.md", "table1_short.md", "table1.csv", "table1.tex", "ablations.md", "ablations.csv", "reach.md"]
 SMALL = ["objects=1", "worst=2", "grasps=6", "precision=20", "bootstrap=200"]
-QUIET = [
-    *("--headless", "--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader"),
-    *("--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run", "--disable-background-networking"),
-    *("--disable-component-update", "--disable-sync", "--enable-logging=stderr", "--hide-scrollbars"),
-    *("--window-size=1280,3000", "--timeout=20000"),
-]
 # Draws at once what the page draws one after another, before the browser takes its picture; then presses every button.
 PRESS = """<script>
 for (const view of waiting.splice(0)) start(view);
@@ -92,17 +85,14 @@ def test_the_page_needs_nothing_else(reported: tuple[Path, subprocess.CompletedP
     )
 
 
-@pytest.mark.skipif(BROWSER is None, reason="no chromium, chromium-browser or google-chrome here")
+@needs_browser
 def test_a_browser_opens_the_page_without_errors(
     reported: tuple[Path, subprocess.CompletedProcess], tmp_path: Path
 ) -> None:
-    """No virtual time: with WebGL drawn in software, Chromium's now and then stands still."""
     page, picture = tmp_path / "page.html", tmp_path / "page.png"
     page.write_text((reported[0] / "index.html").read_text() + PRESS)
-    command = [str(BROWSER), *QUIET, f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={picture}"]
-    done = subprocess.run([*command, page.as_uri()], capture_output=True, text=True, timeout=100)
-    console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
-    assert any('"views drawn: 5"' in line for line in console), done.stderr
+    console = opened(page, picture, "--hide-scrollbars", size=(1280, 3000))
+    assert any('"views drawn: 5"' in line for line in console), console
     assert not [line for line in console if re.search("Error|Uncaught|ERR_|WebGL is not supported", line)]
     assert picture.stat().st_size > 50_000
 

@@ -80,7 +80,18 @@ def read_settings(path: Path) -> SettingsFile:
         keys.append(Key(".".join(name for _, name in stack), value or None, reason))
     groups = _groups(path)
     shown = [key for key in keys if key.name.split(".")[0] not in _HIDDEN]
-    return SettingsFile("\n".join(head).strip(), groups, shown)
+    return SettingsFile("\n".join(head).strip(), groups, _with_inherited(path, shown))
+
+
+def _with_inherited(path: Path, own: list[Key]) -> list[Key]:
+    """The keys of a group's file: those of the file that it starts from, in its order, as it changes them, and more."""
+    entries = (yaml.safe_load(path.read_text(encoding="utf-8")) or {}).get("defaults", [])
+    before = [path.parent / f"{entry}.yaml" for entry in entries if isinstance(entry, str) and path.parent != CONF]
+    keys = {key.name: key for base in before if base.is_file() for key in read_settings(base).keys}
+    for key in own:
+        reason = key.reason or (keys[key.name].reason if key.name in keys else "")
+        keys[key.name] = Key(key.name, key.default, reason)
+    return list(keys.values())
 
 
 def _split_comment(rest: str) -> tuple[str, str]:

@@ -111,10 +111,11 @@ class Unlearned:
         return surroundings_of(scene, self.config, self.retreat, torch.from_numpy(avoid).float())
 
     def free(self, hands: Hypotheses, scene: Scene, avoid: np.ndarray) -> Tensor:
-        """(F,) int64, which of the hands are free of all that is sensed, and of places where grasps failed."""
+        """(F,) int64, which hands are free of all that is sensed; away from where grasps failed, if any of them are."""
         around, positions = self.around(scene, avoid), scene.texlets.positions.float()
         free = self.search.free(hands.T, hands.grasp_type, positions, around)
-        return (free & ~around.failed_at(hands.T[:, :3, 3])).nonzero()[:, 0]
+        away = free & ~around.failed_at(hands.T[:, :3, 3])
+        return (away if away.any() else free).nonzero()[:, 0]
 
     def chosen(self, hands: Hypotheses, index: int, **said: float) -> Chosen:
         grasp_type = self.search.clearance.grasp_types[int(hands.grasp_type[index])]

@@ -125,5 +125,6 @@ def write_pictures(
     views = f"{results['views']} view{'s' * (results['views'] > 1)}"
     lines = [f"{results['arrangement']}, {views}, {results['hand']}, scenes of seeds from {results['seed']} on"]
     summary = Summary("Clutter", methods, [*lines, *cause_lines(results)], beside_lines(results))
-    write_clutter_page(folder / PAGE, summary, [scene.round for scene in scenes], hand)
+    film = folder / FILM if films else None
+    write_clutter_page(folder / PAGE, summary, [scene.round for scene in scenes], hand, film=film)
     return [PAGE, *written]

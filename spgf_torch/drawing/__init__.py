@@ -1,1 +1,1 @@
-"""What all pictures and pages share (`style`, `page`), and grasps in a scene as picture, page and table."""
+"""What all pictures and pages share (`style`, `page`), and what they show: grasps in a scene, rounds of clutter."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import html
 from collections.abc import Sequence
 from importlib.resources import files
@@ -18,12 +19,18 @@ WORST = 5  # rounds that are drawn: a browser gives a page about sixteen WebGL c
 
 
 def write_clutter_page(
-    path: Path, summary: Summary, rounds: Sequence[Round], hand: Hand, worst: int = WORST
+    path: Path,
+    summary: Summary,
+    rounds: Sequence[Round],
+    hand: Hand,
+    worst: int = WORST,
+    film: Path | None = None,
 ) -> list[Round]:
     """Write the page, and return the rounds that are drawn in it: the worst of the main method.
 
     Args:
         rounds: of all methods, as they are to be listed. worst: so many are drawn at most.
+        film: a GIF of a round, which becomes part of the page.
     """
     drawn = worst_rounds(rounds, summary.methods[0].name, worst)
     places = {index: f"scene{k}" for k, index in enumerate(drawn, start=1)}
@@ -35,11 +42,17 @@ def write_clutter_page(
         Section("rates", "Rates", cards(summary.methods[0]) + rates(summary.methods)),
         Section("causes", "Why attempts fail", causes(summary.methods)),
         *([Section("worst", "The worst scenes", caption(_SEEN) + views)] if drawn else []),
+        *([Section("film", "A round, filmed", _film_html(film))] if film else []),
         Section("rounds", "All rounds", rounds_table(rounds, places)),
         *([Section("notes", "How to read this", f"<ul>{notes}</ul>")] if summary.notes else []),
     ]
     write_text(path, page(summary.title, lead, sections))
     return [rounds[index] for index in drawn]
+
+
+def _film_html(film: Path) -> str:
+    data = base64.b64encode(film.read_bytes()).decode()
+    return f'<figure class="film"><img alt="a film of a round" src="data:image/gif;base64,{data}"></figure>'
 
 
 def worst_rounds(rounds: Sequence[Round], method: str, count: int) -> list[int]:

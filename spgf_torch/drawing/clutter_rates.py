@@ -10,13 +10,13 @@ from spgf_torch.drawing.clutter_records import MethodRates, Round, Share, Tried
 from spgf_torch.drawing.page import caption, table
 
 CAUSES = {
-    "pregrasp": "something stands where the hand waits",
-    "approach": "the hand met something on its way",
-    "table": "the hand met the table",
-    "missed": "the fingers closed beside it",
+    "pregrasp": "the open hand met something where it waits",
+    "approach": "the hand met an object on its way",
+    "table": "the hand met the table on its way",
+    "missed": "the fingers had an object on too few sides",
     "empty": "the fingers closed on nothing",
-    "dropped": "it was held, and lost",
-    "several": "more than one object came along",
+    "dropped": "it was lost on lifting",
+    "several": "more than one object was lifted",
 }
 
 

@@ -77,7 +77,7 @@ class View:
 
 @dataclass(frozen=True)
 class Clip:
-    """The recorded motion of one attempt, F frames and what happened between them left out.
+    """The recorded motion of one attempt in F frames.
 
     Attributes:
         times: (F,) s from the beginning of the attempt, rising.

@@ -20,8 +20,8 @@ FACES = 600  # of an object that are drawn at most: a page of five rounds stays 
 CELLS = (96, 64, 48, 36, 27, 20, 15, 11, 8, 6)  # along the longest side, finest first
 HALF, TILES = 0.2, 10  # m, half a side of the table that is drawn, and tiles along a side
 TOWARDS = np.array([0.75, -1.15, 0.8])  # from the table's middle to the eye, as the page's side view
-TARGET = np.array([0.0, 0.0, 0.1])  # m, what the eye looks at
-DISTANCE, WIDE = 1.2, 0.76  # m from eye to target, and across the picture there: room for a hand above the things
+TARGET = np.array([0.0, 0.0, 0.12])  # m, what the eye looks at
+DISTANCE, WIDE = 1.2, 0.8  # m from eye to target, and across the picture there: room for a hand above the things
 
 
 def overview(size: tuple[int, int]) -> Camera:
@@ -90,7 +90,7 @@ def coarse(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarr
     for cells in CELLS:
         if len(kept) <= most:
             break
-        cell = np.floor((vertices - low) / size * cells).astype(int)
+        cell = np.minimum((vertices - low) / size * cells, cells - 1).astype(int)
         _, where = np.unique(cell, axis=0, return_inverse=True)
         count = np.bincount(where)
         found = np.stack([np.bincount(where, vertices[:, axis]) / count for axis in range(3)], axis=1)

@@ -21,7 +21,7 @@ from spgf_torch.hands.records import grippers_of
 
 POINTS = 1500  # of a cloud that are drawn at most
 HALF, CENTRE = 250.0, (0.0, 0.0, 105.0)  # mm: half a side of the cube that is drawn, and its middle
-FINGER, HANDLE = 0.045, 0.03  # m of an outline behind its TCP: fingers, then the axis of approach
+FINGER, HANDLE = 0.045, 0.07  # m of an outline behind its TCP: fingers, then the axis of approach
 CAMERA_AT, CAMERA = 0.28, 0.03  # m from the table's middle where a camera is drawn, and its length
 STILL = (720, 540)  # pixels of the picture where WebGL is missing
 DOTS = "#1d2733"

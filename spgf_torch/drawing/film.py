@@ -39,8 +39,9 @@ def write_film(path: Path, each: Round, hand: Hand) -> None:
         raise InputError("film: expected a round with a recorded attempt; got none")
     frames[-1] = (frames[-1][0], END)
     seconds = [shown for _, shown in frames]
-    standing = [image for image, shown in frames if shown >= PAUSE]  # these have the colours of all outcomes
-    palette = _stacked([frames[0][0], *standing]).quantize(COLOURS)
+    # Every fourth frame and all that stand: they have the colours of things and hand, and of all outcomes.
+    shown_colours = [image for k, (image, shown) in enumerate(frames) if k % 4 == 0 or shown >= PAUSE]
+    palette = _stacked(shown_colours).quantize(COLOURS)
     first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image, _ in frames)
     out = io.BytesIO()
     durations = [10 * round(100 * shown) for shown in seconds]  # ms; a GIF counts hundredths of a second

@@ -155,13 +155,15 @@ def turning(view: View) -> str:
     alt = view.items[view.first]
     still = f'<figure class="still">{_img(view.still, alt)}</figure>' if view.still else ""
     return (
-        f'<div class="view" tabindex="0"><div class="tools"><label>{view.what} <select>{options}</select></label>'
+        f'<div class="view" tabindex="0" aria-label="{_KEYS}"><div class="tools">'
+        f"<label>{view.what} <select>{options}</select></label>"
         f'<button data-step="-1" aria-label="previous">&#9664;</button>'
         f'<button data-step="1" aria-label="next">&#9654;</button>{eyes}'
         '<button data-zoom="0.8" aria-label="nearer">+</button>'
         '<button data-zoom="1.25" aria-label="farther">&minus;</button>'
         f'<span class="hint" title="{_KEYS}">drag to turn, point to read</span></div>'
-        f'<p class="told"></p>{still}<div class="plot"></div><script type="application/json">{content}</script></div>'
+        f'<p class="told" aria-live="polite"></p>{still}<div class="plot"></div>'
+        f'<script type="application/json">{content}</script></div>'
     )
 
 

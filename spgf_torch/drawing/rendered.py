@@ -51,6 +51,8 @@ def rendered(solids: Sequence[Solid], camera: Camera, samples: int = 2) -> Image
     rays = fine.rays().reshape(-1, 3) @ fine.T_object_camera[:3, :3].T
     image = np.tile(to_rgb(PAPER), (len(rays), 1))
     face, hit, light = _light(mesh, fine.T_object_camera[:3, 3], rays)
+    # A process has room for some thousand of embree's scenes: with this circle the mesh's would wait for the collector.
+    del mesh.ray
     image[hit] = np.clip(colours[face] * light[:, None], 0, 1)
     image = image.reshape(camera.height, samples, camera.width, samples, 3).mean(axis=(1, 3))
     return Image.fromarray((255 * image).round().astype(np.uint8))

@@ -96,7 +96,7 @@ class Attempts:
     def _ended(
         self, placed: Sequence[Placed], left: Sequence[int], start: Sequence[np.ndarray], end: Sequence[np.ndarray]
     ) -> list[Placed]:
-        """Where all are once those that are left are at rest; what nothing has moved stays as it was to the bit."""
+        """Where all are, those that are left at rest again; where none of these has moved, they stay as they were."""
         same = [np.array_equal(T, before) for T, before in zip(end, start, strict=True)]
         ended = [each if still else Placed(each.obj, T) for each, still, T in zip(placed, same, end, strict=True)]
         if not all(same[k] for k in left):

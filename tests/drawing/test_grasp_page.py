@@ -2,26 +2,18 @@
 
 import json
 import re
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 from asymmetric import EXACT, GRIPPERS, asymmetric
+from browser import needs_browser, opened
 
 from spgf_torch.drawing.grasp_page import write_scene_page
 from spgf_torch.drawing.grasp_scene import PATCHES, Beside, look, pieces, scene_of
 from spgf_torch.drawing.outline import outline
 from spgf_torch.drawing.page_hands import fractions
 from spgf_torch.errors import InputError
-
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-QUIET = [
-    *("--headless", "--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader"),
-    *("--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run", "--disable-background-networking"),
-    *("--disable-component-update", "--disable-sync", "--enable-logging=stderr", "--window-size=1000,900"),
-]
 
 
 def ball(count: int = 400) -> tuple[np.ndarray, np.ndarray]:
@@ -129,10 +121,9 @@ def test_a_page_without_grasps(tmp_path: Path) -> None:
     assert "0 grasps" in (tmp_path / "a.html").read_text()
 
 
-@pytest.mark.skipif(BROWSER is None, reason="no chromium, chromium-browser or google-chrome here")
+@needs_browser
 def test_a_browser_turns_and_chooses(written: Path, tmp_path: Path) -> None:
     """A grasp is chosen in the table, its whole hand is drawn, and nothing goes wrong on the way."""
-    assert BROWSER is not None
     then = """<script>addEventListener("DOMContentLoaded", () => {
       document.querySelectorAll("#ranked tbody tr")[1].click();
       const plot = document.querySelector(".plot");
@@ -144,10 +135,8 @@ def test_a_browser_turns_and_chooses(written: Path, tmp_path: Path) -> None:
     });</script></body>"""
     page, picture = tmp_path / "page.html", tmp_path / "page.png"
     page.write_text((written / "grasps.html").read_text().replace("</body>", then))
-    command = [BROWSER, *QUIET, f"--user-data-dir={tmp_path / 'new'}", "--timeout=30000", f"--screenshot={picture}"]
-    done = subprocess.run([*command, page.as_uri()], capture_output=True, text=True, timeout=100)
-    console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    console = opened(page, picture)
     wrong = [line for line in console if "Error" in line or "Uncaught" in line or ":ERROR:" in line or "ERR_" in line]
-    assert not wrong and picture.stat().st_size > 20_000, done.stderr
+    assert not wrong and picture.stat().st_size > 20_000, console
     # Cloud, 3 outlines, ranks, bar; hand and its way. The first finger closes along +y of the input by 3/4 of 20 mm.
     assert any('"drawn 8 2 15.00"' in line for line in console), console

@@ -1,7 +1,12 @@
 """The renderer: where things appear, what hides what, and where the lamp does not reach, worked out by hand."""
 
+import gc
+import weakref
+from typing import Any
+
 import numpy as np
 import pytest
+import trimesh
 
 from spgf_torch.drawing.rendered import LAMP, SKY, Solid, camera_at, rendered
 from spgf_torch.drawing.style import LIGHT
@@ -63,6 +68,25 @@ def test_more_samples_smooth_the_edges() -> None:
     coarse, fine = picture(solids), picture(solids, 3)
     assert fine.mean() == pytest.approx(coarse.mean(), rel=0.01)
     assert len(np.unique(coarse[..., 1])) == 2 < len(np.unique(fine[..., 1]))
+
+
+def test_scenes_of_rays_are_let_go_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thousand of embree's scenes end a process, so none may wait for the garbage collector."""
+    made: list[weakref.ref] = []
+    kind = trimesh.ray.ray_pyembree.RayMeshIntersector
+
+    def noted(self: Any, *given: Any, **named: Any) -> None:
+        made.append(weakref.ref(self))
+        begin(self, *given, **named)
+
+    begin = kind.__init__
+    monkeypatch.setattr(kind, "__init__", noted)
+    gc.disable()
+    try:
+        picture([square(0, 0, 0, 0.01, "#ff0000")])
+        assert made and all(reference() is None for reference in made)
+    finally:
+        gc.enable()
 
 
 def test_a_solid_is_moved() -> None:
