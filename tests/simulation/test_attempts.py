@@ -104,13 +104,13 @@ def test_a_neighbour_in_the_way(hand):
     assert (end.cause, end.touched) == ("table", (TABLE,))
 
 
-def test_an_approach_that_does_not_stop_pushes_on(hand):
-    """Down onto the top of a box between the fingers' tips, 3 cm off its middle: stopped, the hand is high above."""
-    target = standing(box((0.06, 0.06, 0.05), mass=0.1))
-    stopped = tried(of(hand), [target], target, from_above(0.03, x=0.04), "WPG")
-    pushed = tried(of(hand, stop_at_contact=False), [target], target, from_above(0.03, x=0.04), "WPG")
-    assert stopped.touched[0] == pushed.touched[0] == 0
-    assert len(pushed.touched) > len(stopped.touched) or told(pushed) != told(stopped)
+def test_an_approach_that_does_not_stop_pushes_on(panda):
+    """A light box stands in the way of one finger: the hand stops there, or pushes it 5 cm on and takes the can."""
+    target, light = standing(can()), standing(box((0.03, 0.03, 0.08), mass=0.02), -0.055, -0.04)
+    stopped = tried(of(panda), [target, light], target, from_side(0.06), "WPG")
+    assert (stopped.cause, stopped.touched, stopped.gripped, stopped.disturbed) == ("approach", (1,), (), ())
+    pushed = tried(of(panda, stop_at_contact=False), [target, light], target, from_side(0.06), "WPG")
+    assert (pushed.outcome, pushed.taken, pushed.touched[0], pushed.disturbed) == ("success", 0, 1, (1,))
 
 
 def test_what_slips_is_dropped(panda):
