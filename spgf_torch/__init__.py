@@ -79,7 +79,9 @@ def _uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def load(folder: str | Path, device: str = "cpu", judge: str | Path | None = None) -> Predictor:
+def load(
+    folder: str | Path, device: str = "cpu", judge: str | Path | None = None, proposing: str | None = None
+) -> Predictor:
     """Load what `train` or `judge` left in `folder`, and the hand that it was learned for.
 
     A judge in the folder proposes, and ranks by probability; so does one of the same hand in the folder `judge`. With
@@ -90,6 +92,7 @@ def load(folder: str | Path, device: str = "cpu", judge: str | Path | None = Non
         folder: such as `outputs/train/latest`, or `data/judge/panda`, which comes with the package.
         device: `cpu`, or an accelerator that torch knows, such as `cuda`.
         judge: the folder of a judge, or `none`.
+        proposing: `clutter`: what is planned for is a whole table of things, or stands among others (conf/proposing).
 
     Raises:
         InputError: there is no such model, it is damaged, or the judge is of another hand.
@@ -109,7 +112,7 @@ def load(folder: str | Path, device: str = "cpu", judge: str | Path | None = Non
     with _uncollected():
         from spgf_torch.predictor import Predictor
 
-        return Predictor.load(folder, device, judge=judge)
+        return Predictor.load(folder, device, proposing, judge=judge)
 
 
 def __getattr__(name: str) -> object:

@@ -28,7 +28,7 @@ from spgf_torch.hands.records import Grasp, Gripper, grippers_of, make_grasp
 from spgf_torch.proposing.bodies import bodies_of
 from spgf_torch.proposing.borders import Borders
 from spgf_torch.proposing.clearance import Plane, Surroundings
-from spgf_torch.proposing.config import ProposingConfig
+from spgf_torch.proposing.config import ProposingConfig, proposing_named
 from spgf_torch.proposing.hidden_space import hidden_places
 from spgf_torch.proposing.judge import Judge, load_judge
 from spgf_torch.proposing.judge_features import Seen
@@ -74,13 +74,14 @@ class Predictor:
     def load(
         folder: str | Path,
         device: str = "cpu",
-        proposing: ProposingConfig | None = None,
+        proposing: ProposingConfig | str | None = None,
         retreat: float = RETREAT,
         judge: str | Path | None = None,
     ) -> Predictor:
         """What `train` or `judge` left in `folder`, and the hand that it was learned for.
 
         Args:
+            proposing: how it proposes, or the name of settings in conf/proposing, such as `clutter`.
             judge: the folder of a judge of this hand that proposes; None: the one in `folder`, if it holds one; `none`:
                 the votes propose.
 
@@ -88,7 +89,9 @@ class Predictor:
         """
         check_device(device)
         votes, ranks = model_and_judge(folder, judge)
-        config, sensing = proposing or settings(ProposingConfig), sensing_of(votes, ranks)
+        proposing = proposing or settings(ProposingConfig)
+        config = proposing_named(proposing) if isinstance(proposing, str) else proposing
+        sensing = sensing_of(votes, ranks)
         its_judge = None if ranks is None else load_judge(ranks)
         model = None if votes is None else load_model(votes, device)
         hand = (model or its_judge).settings["hand"]  # type: ignore[union-attr]

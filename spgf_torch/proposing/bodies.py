@@ -25,10 +25,9 @@ def bodies_of(texlets: Texlets, config: NeighboursConfig) -> Tensor:
     points, normals = (part.double().cpu().numpy() for part in (texlets.positions, texlets.normals))
     pairs = cKDTree(points).query_pairs(config.body_link, output_type="ndarray")
     first, second = pairs.T
-    way = points[second] - points[first]
-    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
-    hollow = ((normals[first] - normals[second]) * way).sum(1)  # 2 sin of half the angle, of a round hollow
-    joined = hollow <= 2 * math.sin(math.radians(config.body_hollow_deg) / 2)
+    hollow = ((normals[first] - normals[second]) * (points[second] - points[first])).sum(1) > 0
+    level = (normals[first] * normals[second]).sum(1) >= math.cos(math.radians(config.body_hollow_deg))
+    joined = ~hollow | level
     links = coo_array((np.ones(joined.sum()), (first[joined], second[joined])), shape=(len(points),) * 2)
     return torch.from_numpy(connected_components(links, directed=False)[1]).long()
 

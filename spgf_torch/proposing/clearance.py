@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -88,6 +88,15 @@ class Surroundings:
             return torch.zeros(len(T_object_tcp), dtype=torch.bool, device=T_object_tcp.device)
         direction, steepest = self.up
         return T_object_tcp[:, :3, 2] @ direction.to(T_object_tcp) > steepest
+
+    def relaxed(self) -> Iterator[Surroundings]:
+        """The same; then, for where nothing is left, without failed places; then with ways from below."""
+        around = self
+        yield around
+        if len(around.failed):
+            yield (around := replace(around, failed=around.failed[:0]))
+        if around.up is not None:
+            yield replace(around, up=None)
 
     def failed_at(self, places: Tensor) -> Tensor:
         """(G,) bool: grasps failed near the places (G, 3) before."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from omegaconf import MISSING
+from omegaconf import MISSING, OmegaConf
 
-from spgf_torch.settings import bounded, defaults_from, left_out
+from spgf_torch.errors import InputError
+from spgf_torch.paths import root
+from spgf_torch.settings import bounded, defaults_from, left_out, settings
 
 
 @dataclass
@@ -24,6 +26,9 @@ class NeighboursConfig:
     quota: int = bounded(1, 100_000)
     body_link: float = bounded(0.001, 0.1)
     body_hollow_deg: float = bounded(0.0, 180.0)
+    strangers: float = bounded(0.0, 1.0)
+    gap_from: float = bounded(0.0, 0.1)
+    gap_to: float = bounded(0.0, 0.2)
     avoid_radius: float = bounded(0.0, 1.0)
 
 
@@ -90,3 +95,12 @@ class HypothesesConfig:
     unseen: float = bounded(0.0, 0.1)
     unseen_mid: float = bounded(0.0, 1.0)
     unseen_far: float = bounded(0.0, 1.0)
+
+
+def proposing_named(name: str) -> ProposingConfig:
+    """The settings of conf/proposing/NAME.yaml, read without Hydra. Raises InputError where there is none."""
+    files = {file.stem: file for file in sorted((root() / "conf" / "proposing").glob("*.yaml"))}
+    if name not in files:
+        raise InputError(f"proposing: expected one of {', '.join(files)}; got {name!r:.40}")
+    values: dict = OmegaConf.to_container(OmegaConf.load(files[name]))  # type: ignore[assignment]
+    return settings(ProposingConfig, **{str(key): value for key, value in values.items() if key != "defaults"})

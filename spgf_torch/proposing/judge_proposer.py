@@ -20,6 +20,7 @@ from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_features import Seen, in_images, judge_features
 from spgf_torch.proposing.judge_influences import Numbers
+from spgf_torch.proposing.one_thing import one_thing
 from spgf_torch.proposing.proposals import Proposals, votes_by_prototype
 from spgf_torch.proposing.propose import NOTHING, Pool, Proposer
 from spgf_torch.proposing.sampling import first_of_each, non_maximum_suppression
@@ -98,6 +99,8 @@ def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, ar
     hypotheses = hypotheses.at(in_images(seen, hypotheses, search))
     clear = clear_of_borders(around.borders, hypotheses.T, hypotheses.grasp_type, search.clearance.regions)
     hypotheses = hypotheses.at(clear)
+    if config.neighbours is not None and bool((one := one_thing(seen, hypotheses, search, config.neighbours)).any()):
+        hypotheses = hypotheses.at(one)
     numbers = judge_features(seen, hypotheses, search)
     if config.neighbours is not None and judge.knows_scenes and around.table is not None and seen.views:
         context = context_features(seen, around, hypotheses, search)

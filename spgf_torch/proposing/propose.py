@@ -31,12 +31,13 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.features.interface import LocalFeatures
 from spgf_torch.geometry import se3
+from spgf_torch.proposing.bodies import bodies_of, body_at
 from spgf_torch.proposing.borders import clear_of_borders
 from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.grasp_seeds import GraspSeeds, grasp_seeds
 from spgf_torch.proposing.proposals import Proposals, between_types, votes_by_prototype
-from spgf_torch.proposing.sampling import farthest_point_sampling, non_maximum_suppression
+from spgf_torch.proposing.sampling import farthest_point_sampling, first_of_each, non_maximum_suppression
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.settings import typed
@@ -129,7 +130,9 @@ class Proposer:
 
         No hand touches an obstacle or reaches below a table; none comes from below, if others can.
         """
-        return self.propose_from(self.described(texlets), texlets.positions.to(self.model.centres.device), around)
+        bodies = None if self.config.neighbours is None else bodies_of(texlets, self.config.neighbours)
+        points = texlets.positions.to(self.model.centres.device)
+        return self.propose_from(self.described(texlets), points, around, bodies)
 
     def described(self, texlets: Texlets) -> LocalFeatures:
         """Describe the texlets, on the model's device."""
@@ -137,15 +140,21 @@ class Proposer:
         positions, normals = texlets.positions.to(device), texlets.normals.to(device)
         return descriptor(self.features)(positions, normals, self.features, torch.Generator().manual_seed(0))
 
-    def propose_from(self, features: LocalFeatures, points: Tensor, around: Surroundings = NOTHING) -> Proposals:
-        """Propose from features of the points (N, 3) that the hand must not touch."""
+    def propose_from(
+        self, features: LocalFeatures, points: Tensor, around: Surroundings = NOTHING, bodies: Tensor | None = None
+    ) -> Proposals:
+        """Propose from features of the points (N, 3) that the hand must not touch, of bodies (N,) with a quota each."""
         voters, around = self.voters(features), around.near(points, self.clearance.reach)
-        pool = self.prune(voters, points, around)
-        if not len(pool.score) and around.up is not None:
-            around = replace(around, up=None)
-            pool = self.prune(voters, points, around)
+        for given in around.relaxed():
+            pool = self.prune(voters, points, given)
+            if len(pool.score):
+                break
         for moves in self.moves:
-            pool = self.refine(pool, moves, voters, points, around)
+            pool = self.refine(pool, moves, voters, points, given)
+        pool = self.distinct(pool, self.config.apart, self.config.apart_deg)
+        if bodies is not None and self.config.neighbours is not None:
+            near = body_at(pool.T[:, :3, 3], points, bodies)
+            pool = pool.at(first_of_each(near, self.config.neighbours.quota).nonzero()[:, 0])
         return self.proposals(pool, voters)
 
     def voters(self, features: LocalFeatures) -> Voters:
@@ -164,10 +173,14 @@ class Proposer:
             possible = possible[clear_of_borders(around.borders, *at, self.clearance.regions)]
         sparse = around.sparse(config.coarse_cell)
         possible = possible[self.clearance.free_of_points(sparse, T[possible], grasp_type[possible])]
+        few = voters.first(config.coarse_points).T_object_feature[:, :3, 3]
+        if config.neighbours is not None:  # of which the best would else nearly all collide
+            possible = possible[self.clearance.closes_on_points(points, T[possible], grasp_type[possible])]
+            possible = possible[self.clearance.free_of_points(few, T[possible], grasp_type[possible])]
+            possible = possible[self.seen_free(T[possible], grasp_type[possible], around)]
         T, grasp_type = T[possible], grasp_type[possible]
         pool = Pool(T, grasp_type, self.score(T, grasp_type, voters, config.coarse_voters))
         pool = pool.at(pool.best_of_each_type(config.hypotheses))
-        few = voters.first(config.coarse_points).T_object_feature[:, :3, 3]
         pool = pool.at(self.clearance.free_of_points(few, pool.T, pool.grasp_type).nonzero()[:, 0])
         pool = pool.at(self.clearance.closes_on_points(points, pool.T, pool.grasp_type).nonzero()[:, 0])
         pool = pool.at(self.clearance.free_of_obstacles(around.obstacles, pool.T, pool.grasp_type).nonzero()[:, 0])
@@ -189,6 +202,12 @@ class Proposer:
             above &= self.clearance.free_of_plane(around.table, T, grasp_type, around.retreat)
         return above
 
+    def seen_free(self, T: Tensor, grasp_type: Tensor, around: Surroundings) -> Tensor:
+        """(G,) bool: the hand reaches into no place that nobody saw free, and is not where grasps failed."""
+        free = ~around.failed_at(T[:, :3, 3])
+        free[free.clone()] = self.clearance.free_of_hidden(around.hidden, T[free], grasp_type[free])
+        return free
+
     def refine(self, pool: Pool, moves: Tensor, voters: Voters, points: Tensor, around: Surroundings) -> Pool:
         """Move the best of each type by the best of the moves (M, 4, 4) that scores higher and leaves them free."""
         best = pool.best_of_each_type(self.config.refined)
@@ -200,6 +219,7 @@ class Proposer:
         free &= self.clearance.closes_on_points(points, T[better], grasp_type[better])
         free &= self.clearance.free_of_obstacles(around.obstacles, T[better], grasp_type[better])
         free &= self.above(T[better], grasp_type[better], around)
+        free &= self.seen_free(T[better], grasp_type[better], around)
         if around.borders is not None:
             free &= clear_of_borders(around.borders, T[better], grasp_type[better], self.clearance.regions)
         gained = torch.full_like(score, -math.inf)
@@ -212,9 +232,8 @@ class Proposer:
         return Pool(new_T, pool.grasp_type, new_score)
 
     def proposals(self, pool: Pool, voters: Voters) -> Proposals:
-        """Keep one of each grasp, the best `count` of each type, with the votes of all voters."""
+        """Keep the best `count` of each type, with the votes of all voters."""
         config = self.config
-        pool = self.distinct(pool, config.apart, config.apart_deg)
         pool = pool.at(pool.best_of_each_type(config.count))
         pool = pool.at(torch.argsort(pool.score, descending=True, stable=True))
         votes = self.votes(pool.T, pool.grasp_type, voters)

@@ -14,19 +14,20 @@ from spgf_torch.settings import settings
 
 CONFIG = settings(HypothesesConfig, seeds=4, hypotheses=100_000)
 SEARCH = Search.of(Clearance(VOLUMES, 0.005, 0.01, 0.004), CONFIG)
+SWEPT = Search.of(Clearance(VOLUMES, 0.005, 0.01, 0.004, way=0.05, unseen_on_way=True), CONFIG)
 BLOCK = block(0.005, 0.03)
 WALL = torch.cartesian_prod(torch.tensor([0.03]), torch.linspace(-0.1, 0.1, 30), torch.linspace(-0.1, 0.1, 30))
 TABLE = Plane.of((0.0, 0.0, 1.0), -0.015)
 
 
-def slow(code: int, T: torch.Tensor, around: Surroundings) -> list[torch.Tensor]:
+def slow(search: Search, code: int, T: torch.Tensor, around: Surroundings) -> list[torch.Tensor]:
     """Frame by frame and place by place: the deepest free pose of those possible, and the one `back` behind it."""
-    hand, found = SEARCH.hands[code], {}
+    hand, found = search.hands[code], {}
     depths = torch.arange(CONFIG.deepest, CONFIG.shallowest - 1e-6, -CONFIG.depth_step)
     shift, possible = places(*profile(local(T, BLOCK.positions), depths, hand.region), hand, CONFIG)
     frame, k, place = possible.nonzero(as_tuple=True)
     poses = moved(T[frame], depths[k], shift[frame, k, place])
-    free = SEARCH.free(poses, torch.full((len(poses),), code), BLOCK.positions, around)
+    free = search.free(poses, torch.full((len(poses),), code), BLOCK.positions, around)
     where = {key: i for i, key in enumerate(zip(frame.tolist(), place.tolist(), k.tolist(), strict=True)) if free[i]}
     for f in range(len(T)):
         for p in range(possible.shape[2]):
@@ -37,21 +38,23 @@ def slow(code: int, T: torch.Tensor, around: Surroundings) -> list[torch.Tensor]
 
 
 @pytest.mark.parametrize(
-    "around",
+    ("search", "around"),
     [
-        Surroundings(),
-        Surroundings(table=TABLE, retreat=0.05),
-        Surroundings(obstacles=WALL),
-        Surroundings(obstacles=WALL, table=TABLE, up=(torch.tensor([0.0, 0, 1]), 0.3)),
+        (SEARCH, Surroundings()),
+        (SEARCH, Surroundings(table=TABLE, retreat=0.05)),
+        (SEARCH, Surroundings(obstacles=WALL)),
+        (SEARCH, Surroundings(obstacles=WALL, table=TABLE, up=(torch.tensor([0.0, 0, 1]), 0.3))),
+        (SWEPT, Surroundings(obstacles=WALL)),
+        (SWEPT, Surroundings(hidden=WALL)),
     ],
-    ids=["nothing", "table", "wall", "all"],
+    ids=["nothing", "table", "wall", "all", "way", "hidden"],
 )
-def test_equals_looking_at_every_pose(around: Surroundings) -> None:
+def test_equals_looking_at_every_pose(search: Search, around: Surroundings) -> None:
     T = frames(BLOCK.positions, BLOCK.normals, CONFIG)
-    found = SEARCH.hypotheses(BLOCK, around)
+    found = search.hypotheses(BLOCK, around)
     assert len(found) > 20
     for code in range(len(VOLUMES)):
-        expected = slow(code, T, around)
+        expected = slow(search, code, T, around)
         assert len(expected) > 5
         torch.testing.assert_close(found.T[found.grasp_type == code], torch.stack(expected), rtol=0, atol=0)
 
