@@ -236,7 +236,7 @@ class Course:
             (folder / OWN_TRIALS).mkdir()
             for its in lessons.own:
                 write_own(folder / OWN_TRIALS, its)
-        if lessons.scenes is not None and self.shop.config.scene_trials is None:
+        if lessons.scenes is not None:
             write_scene_trials(folder, lessons.scenes, self._origin(), self.shop.trials.grasp_types)
         if self.shop.config.fold_judges:
             save_fold_judges(lessons.of_fold, self.objects, self.fold.tolist(), folder)

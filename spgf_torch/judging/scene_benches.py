@@ -22,10 +22,9 @@ from spgf_torch.judging.config import ContextConfig, JudgeConfig
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.predictor import Predictor
 from spgf_torch.proposing.bodies import bodies_of
-from spgf_torch.proposing.clearance import Surroundings
-from spgf_torch.proposing.context_features import context_features
-from spgf_torch.proposing.hypotheses import Hypotheses, Search
-from spgf_torch.proposing.judge_features import Seen, in_images, judge_features
+from spgf_torch.proposing.hypotheses import Hypotheses
+from spgf_torch.proposing.judge_features import Seen, judge_features
+from spgf_torch.proposing.judge_proposer import candidates
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.simulation.arrangements import Placed, arranged
 from spgf_torch.simulation.clutter_config import PACKED, PILE
@@ -50,14 +49,12 @@ class SceneCloud:
     """A scene as some cameras see it.
 
     Attributes:
-        hypotheses: (H) whose fingers are within the images. numbers (H, 31), context (H, 20) f32: theirs.
+        hypotheses: (H) that a judge weighs there. numbers: (H, 31) f32, `judge_features.NAMES` of each.
     """
 
     seen: Seen
-    around: Surroundings
     hypotheses: Hypotheses
     numbers: Tensor
-    context: Tensor
 
 
 @dataclass(frozen=True)
@@ -134,15 +131,8 @@ def _cloud(
     assert predictor.judged is not None and neighbours is not None  # it is a judge's, for many things
     its = Seen(target.texlets, target.views or (), bodies_of(target.texlets, neighbours))
     around = predictor.surroundings(target)
-    search = predictor.judged.search
-    hypotheses = search.hypotheses(its.texlets, around)
-    hypotheses = hypotheses.at(in_images(its, hypotheses, search))
-    return SceneCloud(its, around, hypotheses, *described(its, around, hypotheses, search))
-
-
-def described(its: Seen, around: Surroundings, hypotheses: Hypotheses, search: Search) -> tuple[Tensor, Tensor]:
-    """(H, 31) and (H, 20) f32: the numbers of hypotheses in a cloud, and of what is around them."""
-    return judge_features(its, hypotheses, search), context_features(its, around, hypotheses, search)
+    hypotheses = candidates(predictor.judged.search, predictor.config, its, around)
+    return SceneCloud(its, hypotheses, judge_features(its, hypotheses, predictor.judged.search))
 
 
 def _scenes(config: JudgeConfig) -> ContextConfig:

@@ -15,13 +15,13 @@ from torch import Tensor
 
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.learning import fit, rising_curve
-from spgf_torch.judging.scene_benches import KINDS, SceneBench, described
+from spgf_torch.judging.scene_benches import KINDS, SceneBench
 from spgf_torch.judging.scene_rounds import OBJECT, SCENE, SceneShop, choose
 from spgf_torch.judging.scene_trials import SceneTrials
 from spgf_torch.judging.scene_validation import compared
 from spgf_torch.proposing.judge import FACTORS, SCENE_NUMBERS, SCENE_VIEWS, Curve, Judge
 from spgf_torch.proposing.judge import SCENE as KNOWN
-from spgf_torch.proposing.judge_features import NAMES
+from spgf_torch.proposing.judge_features import NAMES, judge_features
 from spgf_torch.proposing.tree_ensembles import Form
 
 _VIEWS = NAMES.index("views")
@@ -33,7 +33,7 @@ class SceneRows:
     """R hypotheses in clouds of scenes.
 
     Attributes:
-        numbers: (R, 53) f32, `SCENE_NUMBERS`. free (R,) bool: nothing is met on the way, by the true meshes.
+        numbers: (R, 33) f32, `SCENE_NUMBERS`. free (R,) bool: nothing is met on the way, by the true meshes.
         success (R,) bool: of those tried. rank (R,) int64: place among the best; -1: at random; -2: not tried.
         scene (R,) int64: which of all scenes, counted. fold (R,) int64: of its objects.
     """
@@ -113,8 +113,8 @@ def rows_of(bench: SceneBench, tried: SceneTrials, shop: SceneShop) -> SceneRows
         its = tried.at(tried.cloud == index)
         some = torch.randperm(len(cloud.hypotheses), generator=rng)[: shop.scenes.surveyed]
         surveyed = cloud.hypotheses.at(some)
-        numbers, context = described(cloud.seen, cloud.around, its.poses, search)
-        said = judge.scene_numbers(torch.cat([cloud.numbers[some], numbers]), torch.cat([cloud.context[some], context]))
+        numbers = judge_features(cloud.seen, its.poses, search)
+        said = judge.scene_numbers(torch.cat([cloud.numbers[some], numbers]))
         free = torch.cat([bench.check.free(surveyed), bench.check.free(its.poses)])
         none, without = torch.zeros(len(some), dtype=torch.bool), torch.full((len(some),), -2)
         success, rank = torch.cat([none, its.success]), torch.cat([without, its.rank])
@@ -133,18 +133,19 @@ def learn_scenes(rows: SceneRows, config: JudgeConfig) -> Factors:
 
 def _measured(bench: SceneBench, lessons: SceneLessons, given: SceneTrials | None, shop: SceneShop) -> SceneTrials:
     number, fold = shop.scenes.rounds + 1, bench.key.fold
-    known = _given(given, bench, number)
-    if known is not None:
+    if (known := _given(given, bench, number)) is not None:
         return known
     old = shop.judges[fold]
     return shop.tried(bench, choose(bench, {OBJECT: old, SCENE: lessons.taught(old, fold)}, number, shop))
 
 
 def _given(given: SceneTrials | None, bench: SceneBench, number: int) -> SceneTrials | None:
+    """What an earlier call tried in a scene; None: nothing."""
     if given is None:
         return None
     kind = KINDS.index(bench.key.kind)
-    return given.at((given.scene == bench.key.seed) & (given.kind == kind) & (given.round == number))
+    its = given.at((given.scene == bench.key.seed) & (given.kind == kind) & (given.round == number))
+    return its if len(its) else None
 
 
 def _said_by_others(rows: SceneRows, judges: Mapping[int, Judge]) -> Tensor:

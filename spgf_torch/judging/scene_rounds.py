@@ -134,7 +134,7 @@ def said(judge: Judge, cloud: SceneCloud, by: int) -> Tensor:
     """(H,) f32: the probability that a judge of single objects, or of scenes, gives the hypotheses of a cloud."""
     if by == OBJECT:
         return judge.probability(cloud.numbers, images=True)
-    free, holds = judge.both_in_scene(cloud.numbers, cloud.context)
+    free, holds = judge.both_in_scene(cloud.numbers)
     return (free * holds).float()
 
 

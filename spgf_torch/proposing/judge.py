@@ -4,7 +4,7 @@ Each factor is boosted trees, or a logistic regression, on the numbers of `judge
 factors for clouds without images, in which unseen space is not known. What is ranked best was often only judged too
 well: a map learned from executed grasps, which judges had chosen that had not seen the object, sets the probabilities
 right by number of views and leaves the order as it is. A judge may have learned in scenes, too: a third pair of factors
-weighs what the first said together with all numbers and those of `context_features`. `judge.safetensors` holds the
+weighs what the first said together with all numbers. `judge.safetensors` holds the
 arrays and `judge.json` the hand, the settings and how it did on objects that it had not seen; neither can run code when
 read, and each carries its digest.
 """
@@ -29,7 +29,6 @@ from spgf_torch.files.reading import existing, json_values, unreadable
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.hands.config import HandConfig, grasp_types
 from spgf_torch.proposing.config import HypothesesConfig
-from spgf_torch.proposing.context_features import CONTEXT
 from spgf_torch.proposing.judge_features import GEOMETRY, NAMES
 from spgf_torch.proposing.tree_ensembles import FORMS, Form
 from spgf_torch.settings import typed
@@ -44,7 +43,7 @@ KNOWN: Mapping[str, tuple[str, ...]] = {"images": NAMES, "bare": GEOMETRY}
 FACTORS = ("free", "holds")
 # What a judge that learned in scenes knows there: also what it would say without.
 SCENE = "scene"
-SCENE_NUMBERS = (*NAMES, *CONTEXT, *(f"log_{factor}" for factor in FACTORS))
+SCENE_NUMBERS = (*NAMES, *(f"log_{factor}" for factor in FACTORS))
 # Names of the maps to probabilities of executed grasps: of one view, and of several; and the same in scenes.
 VIEWS = ("one", "more")
 SCENE_VIEWS = ("scene, one", "scene, more")
@@ -90,20 +89,16 @@ class Judge:
             return free, holds
         return self._shared_out(free, holds, numbers, VIEWS)
 
-    def both_in_scene(self, numbers: Tensor, context: Tensor) -> tuple[Tensor, Tensor]:
-        """The same among other things on a table: P(nothing is met on the way), P(holds | so).
-
-        Args:
-            context: (G, 20) f32, `context_features.CONTEXT`.
-        """
-        given = self.scene_numbers(numbers, context)
+    def both_in_scene(self, numbers: Tensor) -> tuple[Tensor, Tensor]:
+        """The same among other things on a table: P(nothing is met on the way), P(holds | so)."""
+        given = self.scene_numbers(numbers)
         free, holds = (self.factors[SCENE, factor].log_odds(given).sigmoid() for factor in FACTORS)
         return self._shared_out(free, holds, numbers, SCENE_VIEWS)
 
-    def scene_numbers(self, numbers: Tensor, context: Tensor) -> Tensor:
-        """(G, 53) f32: `SCENE_NUMBERS`, the last of them what the factors with images say, uncalibrated."""
+    def scene_numbers(self, numbers: Tensor) -> Tensor:
+        """(G, 33) f32: `SCENE_NUMBERS`, the last of them what the factors with images say, uncalibrated."""
         said = [self.factors["images", factor].log_odds(numbers) for factor in FACTORS]
-        return torch.cat([numbers, context, torch.stack(said, dim=1).float()], dim=1)
+        return torch.cat([numbers, torch.stack(said, dim=1).float()], dim=1)
 
     @property
     def knows_scenes(self) -> bool:

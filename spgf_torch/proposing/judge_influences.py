@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from spgf_torch.proposing.context_features import CONTEXT
 from spgf_torch.proposing.judge import KNOWN, Judge
-from spgf_torch.proposing.judge_features import NAMES
 
 # Probabilities nearer to 0 and 1 have the log-odds of this.
 _LEAST = 1e-6
@@ -21,14 +19,14 @@ class Numbers:
     """What a judge knew of one grasp.
 
     Attributes:
-        values: (D,) f32, `judge_features.NAMES`, and of a judge that knows scenes, in one, `context_features.CONTEXT`.
-        usual: (D,) f32, their medians among all hypotheses about the target.
-        images: whether unseen space was known.
+        values: (D,) f32, `judge_features.NAMES`. usual: (D,) f32, their medians among all hypotheses about the target.
+        images: whether unseen space was known. scene: whether it was weighed by what the judge learned in scenes.
     """
 
     values: Tensor
     usual: Tensor
     images: bool
+    scene: bool = False
 
 
 @dataclass(frozen=True)
@@ -45,15 +43,11 @@ def weighed(judge: Judge, grasps: Sequence[Numbers]) -> list[list[Weight]]:
     """Of each grasp the numbers that moved the judge, most first; those that did not move it are left out."""
     found = []
     for grasp in grasps:
-        scene = len(grasp.values) > len(NAMES)
-        names = (*NAMES, *CONTEXT) if scene else KNOWN["images" if grasp.images else "bare"]
+        names = KNOWN["images" if grasp.images else "bare"]
         rows = grasp.values.repeat(len(names) + 1, 1)
         at = torch.arange(len(names))
         rows[at, at] = grasp.usual[: len(names)]
-        if scene:
-            free, holds = judge.both_in_scene(rows[:, : len(NAMES)], rows[:, len(NAMES) :])
-        else:
-            free, holds = judge.both(rows, grasp.images)
+        free, holds = judge.both_in_scene(rows) if grasp.scene else judge.both(rows, grasp.images)
         log_odds = torch.logit((free * holds).clamp(_LEAST, 1 - _LEAST))
         moved = (log_odds[-1] - log_odds[:-1]).tolist()
         weights = [

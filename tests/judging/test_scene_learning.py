@@ -120,10 +120,10 @@ def test_judges_are_compared_in_the_same_scenes() -> None:
 
 
 def scene_rows(count: int = 900) -> SceneRows:
-    """Hypotheses whose way is free where `way_margin` is wide, and that hold where `gap` is narrow."""
+    """Hypotheses whose way is free where `margin` is wide, and that hold where `width` is narrow."""
     numbers = torch.rand(count, len(SCENE_NUMBERS), generator=torch.Generator().manual_seed(2))
-    free = numbers[:, SCENE_NUMBERS.index("way_margin")] > 0.3
-    success = free & (numbers[:, SCENE_NUMBERS.index("gap")] < 0.5)
+    free = numbers[:, SCENE_NUMBERS.index("margin")] > 0.3
+    success = free & (numbers[:, SCENE_NUMBERS.index("width")] < 0.5)
     index = torch.arange(count)
     return SceneRows(
         numbers, free, success & (index % 3 > 0), torch.where(index % 3 > 0, 0, -2), index // 30, index % 5
@@ -140,17 +140,17 @@ def test_a_judge_that_learned_in_scenes(tmp_path: Path) -> None:
     save_judge(taught, tmp_path)
     again = load_judge(tmp_path)
     asked = scene_rows(60)
-    numbers, context = asked.numbers[:, :31].clone(), asked.numbers[:, 31:51]
+    numbers = asked.numbers[:, :31].clone()
     numbers[:, 21] = torch.tensor([1.0, 4.0]).repeat(30)
     assert again.knows_scenes and torch.equal(again.probability(numbers, True), judge.probability(numbers, True))
-    free, holds = again.both_in_scene(numbers, context)
-    bare = replace(taught, calibration={}).both_in_scene(numbers, context)
+    free, holds = again.both_in_scene(numbers)
+    bare = replace(taught, calibration={}).both_in_scene(numbers)
     assert torch.equal(free[1::2], bare[0][1::2]) and torch.equal(holds[1::2], bare[1][1::2])  # several views
     p = bare[0] * bare[1]
     expected = (p.logit() - 1).sigmoid()
     assert (free * holds)[::2].numpy() == pytest.approx(expected[::2].numpy(), rel=1e-6)
-    margin, gap = (context[:, SCENE_NUMBERS.index(name) - 31] for name in ("way_margin", "gap"))
-    good, bad = (margin > 0.4) & (gap < 0.4), (margin < 0.2) | (gap > 0.6)
+    margin, width = (numbers[:, SCENE_NUMBERS.index(name)] for name in ("margin", "width"))
+    good, bad = (margin > 0.4) & (width < 0.4), (margin < 0.2) | (width > 0.6)
     assert p[good].min() > p[bad].max() and 0 < int(good.sum()) < 60
     document = (tmp_path / "judge.json").read_text()
     assert '"scene_numbers"' in document and "scene, one" in document
