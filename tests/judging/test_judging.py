@@ -181,8 +181,8 @@ def test_scenes_teach_and_their_trials_teach_again(
         (["objects=objects", "known=empty", "+context=tabletop"], ["judge.json", "no such file"]),
         (["objects=objects", "+context=tabletop", "context.views=[0]"], ["context.views", "1 to 24", "[0]"]),
         (
-            ["objects=objects", "+context=tabletop", "context.first_measured=39"],
-            ["first_measured", "0 to 39", "39 to 58"],
+            ["objects=objects", "+context=tabletop", "context.first_measured=15"],
+            ["first_measured", "0 to 15", "15 to 26"],
         ),
     ],
 )
