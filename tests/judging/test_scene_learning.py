@@ -10,6 +10,7 @@ from judges import quick_judge
 from omegaconf import OmegaConf
 
 from spgf_torch.errors import InputError
+from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.judging.config import ContextConfig, JudgeConfig, TreesConfig
@@ -20,8 +21,16 @@ from spgf_torch.judging.scene_trials import FILE, SceneTrials, read_scene_trials
 from spgf_torch.judging.scene_validation import compared, scene_lines
 from spgf_torch.objects.library import load_objects
 from spgf_torch.paths import find
+from spgf_torch.proposing.clearance import Plane, Surroundings
+from spgf_torch.proposing.config import NeighboursConfig, ProposingConfig
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.proposing.judge import SCENE_NUMBERS, load_judge, save_judge
+from spgf_torch.proposing.judge_features import NAMES, Seen
+from spgf_torch.proposing.judge_influences import weighed
+from spgf_torch.proposing.judge_proposer import JudgedProposer, ranked
+from spgf_torch.sensing.cameras import surround
+from spgf_torch.sensing.config import SensingConfig
+from spgf_torch.sensing.sense import observe_on_table
 from spgf_torch.settings import settings, typed
 from spgf_torch.simulation.arrangements import Placed
 from spgf_torch.simulation.attempts import CAUSES
@@ -34,6 +43,7 @@ MADE = JudgeConfig(
     context=ContextConfig(views=[1, 4]),
 )
 TYPES = ("NPG", "WPG")
+NEIGHBOURS = OmegaConf.to_container(OmegaConf.load(find("conf/proposing/clutter.yaml")).neighbours)
 
 
 def trials(count: int = 12) -> SceneTrials:
@@ -154,3 +164,32 @@ def test_a_judge_that_learned_in_scenes(tmp_path: Path) -> None:
     assert p[good].min() > p[bad].max() and 0 < int(good.sum()) < 60
     document = (tmp_path / "judge.json").read_text()
     assert '"scene_numbers"' in document and "scene, one" in document
+
+
+def test_what_scenes_taught_ranks_among_neighbours_alone() -> None:
+    """With proposing=clutter by the third pair of factors, else as if it had never been in a scene."""
+    old = quick_judge()
+    calibration = {"scene, one": (1.0, 1.0, 0.5)}
+    new = SceneLessons(trials(), {None: learn_scenes(scene_rows(), MADE)}, {None: calibration}, {}).taught(old, None)
+    hand = typed(HandConfig, OmegaConf.to_container(OmegaConf.load(find("conf/hand/sdh2.yaml"))))
+    soap = next(obj for obj in load_objects(find("data/objects")) if obj.name == "soap_bar")
+    sensing = settings(SensingConfig, width=160, height=120, focal=144, cameras=1)
+    texlets, views = observe_on_table(soap.mesh, surround(sensing, np.zeros(3)), sensing, np.random.default_rng(0))
+    table = Plane.of((0.0, 0.0, 1.0), float(soap.mesh.bounds[0, 2]))
+    seen, around = Seen(texlets, views), Surroundings(table=table, retreat=0.1)
+    alone = settings(ProposingConfig)
+    among = replace(alone, neighbours=typed(NeighboursConfig, {**NEIGHBOURS, "seeds": 8, "judged": 200}))
+    found = {}
+    for config in (alone, among):
+        for judge in (old, new):
+            proposer = JudgedProposer.alone(judge, open_hand(hand), config)
+            found[config is among, judge is new] = ranked(judge, proposer.search, config, seen, around)
+    assert torch.equal(found[False, False].probability, found[False, True].probability)
+    its = found[True, True]
+    assert len(its.poses) > 1 and all(number.scene for number in its.numbers)
+    numbers = torch.stack([number.values for number in its.numbers])
+    free, holds = new.both_in_scene(numbers)
+    assert torch.equal(its.probability, (free * holds).float()) and (its.probability.diff() <= 0).all()
+    assert not any(number.scene for number in found[True, False].numbers)
+    weights = weighed(new, its.numbers[:1])[0]
+    assert {weight.name for weight in weights} <= set(NAMES) and weights
