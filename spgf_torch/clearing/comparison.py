@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from spgf_torch.clearing.config import ClutterConfig
-from spgf_torch.clearing.outcomes import RESULTS, Counts, resampled
+from spgf_torch.clearing.outcomes import RESULTS, Counts, Parts, resampled, share, share_in, stated
+from spgf_torch.drawing.clutter_records import Share
 from spgf_torch.errors import InputError
 from spgf_torch.files.reading import json_values
 from spgf_torch.paths import find
@@ -34,6 +35,17 @@ class OtherRun:
             raise InputError(f"{path}: expected results of clutter, got something else") from None
         return OtherRun(path.parent, results)
 
+    def check(self, config: ClutterConfig) -> None:
+        """Raise InputError unless it is on the scenes that the settings name, as far as seeds tell."""
+        seeds = list(range(config.seed, config.seed + config.scenes))
+        if [seed for seed, _ in self.scenes] != seeds or self.results["arrangement"] != config.arrangement.kind:
+            raise self.other_scenes(config.scenes)
+
+    def other_scenes(self, scenes: int) -> InputError:
+        """That it is on other scenes than these."""
+        its = f"{self.results['arrangement']}, {len(self.scenes)} from seed {self.results['seed']} on"
+        return InputError(f"beside: expected a run on the same {scenes} scenes, got others ({its}) in {self.folder}")
+
     @property
     def counts(self) -> Counts:
         rows = [(row["cleared"], row["attempts"], row["objects"]) for row in self.results["per_scene"]]
@@ -53,26 +65,32 @@ def beside(ours: Mapping[str, Any], others: Sequence[OtherRun], config: ClutterC
     mine, found = OtherRun(Path(), ours), {}
     for other in others:
         if other.scenes != mine.scenes or other.results["arrangement"] != ours["arrangement"]:
-            got = f"others, from seed {other.results['seed']} on, {other.results['arrangement']}"
-            raise InputError(
-                f"beside: expected a run on the same {len(mine.scenes)} scenes, got {got} in {other.folder}"
-            )
+            raise other.other_scenes(len(mine.scenes))
         its: dict[str, Any] = {key: other.results[key] for key in ("method", "gsr", "dr")}
-        for key, share in (("gsr", Counts.gsr), ("dr", Counts.dr)):
-            its[f"{key}_difference"] = ours[key] - other.results[key]
-            drawn = (resampled(run.counts, share, config) for run in (mine, other))
-            its[f"{key}_difference_interval95"] = np.nanquantile(np.subtract(*drawn), (0.025, 0.975)).tolist()
+        for key, parts in (("gsr", Counts.gsr), ("dr", Counts.dr)):
+            its |= stated(f"{key}_difference", _difference(mine.counts, other.counts, parts, config))
         found[str(other.folder)] = its
     return found
+
+
+def _difference(ours: Counts, theirs: Counts, parts: Parts, config: ClutterConfig) -> Share:
+    """Ours minus theirs over all scenes; NaN where one has tried nothing."""
+    ends = [share(counts, parts, config).value for counts in (ours, theirs)]
+    if np.isnan(ends).any():
+        return Share(np.nan, np.nan, np.nan)
+    drawn = [resampled(counts, parts, config) for counts in (ours, theirs)]
+    low, high = np.nanquantile(drawn[0] - drawn[1], (0.025, 0.975))
+    return Share(ends[0] - ends[1], float(low), float(high))
 
 
 def beside_lines(results: Mapping[str, Any]) -> list[str]:
     """Of results with `beside`, a line a run, in percentage points."""
     lines = []
     for folder, its in results.get("beside", {}).items():
-        words = []
-        for key in ("gsr", "dr"):
-            low, high = its[f"{key}_difference_interval95"]
-            words.append(f"{key.upper()} {100 * its[f'{key}_difference']:+.1f} ({100 * low:+.0f} to {100 * high:+.0f})")
+        shares = {key.upper(): share_in(its, f"{key}_difference") for key in ("gsr", "dr")}
+        words = [
+            f"{name} {100 * each.value:+.1f} ({100 * each.low:+.0f} to {100 * each.high:+.0f})"
+            for name, each in shares.items()
+        ]
         lines.append(f"{results['method']} minus {its['method']} in {folder}: {', '.join(words)} points")
     return lines

@@ -83,16 +83,25 @@ def clutter_results(scenes: Sequence[ClearedScene], config: ClutterConfig) -> di
         "scenes": len(scenes),
         "objects": int(counts.there.sum()),
         "attempts": int(counts.tried.sum()),
-        "gsr": gsr.value,
-        "gsr_interval95": [gsr.low, gsr.high],
-        "dr": dr.value,
-        "dr_interval95": [dr.low, dr.high],
+        **stated("gsr", gsr),
+        **stated("dr", dr),
         "ended": dict(Counter(scene.round.ended for scene in scenes).most_common()),
         "causes": causes(scenes),
         "probability": foretold(scenes, config),
         "seconds": median_seconds(scenes),
         "per_scene": [scene_row(scene) for scene in scenes],
     }
+
+
+def stated(key: str, its: Share) -> dict[str, Any]:
+    """A rate in `results.json`, where none is null."""
+    value, low, high = (None if np.isnan(number) else number for number in (its.value, its.low, its.high))
+    return {key: value, f"{key}_interval95": [low, high]}
+
+
+def share_in(results: Mapping[str, Any], key: str) -> Share:
+    """A rate of `results.json`; NaN where there is none."""
+    return Share(*(np.nan if number is None else number for number in (results[key], *results[f"{key}_interval95"])))
 
 
 def causes(scenes: Sequence[ClearedScene]) -> dict[str, int]:
@@ -123,9 +132,9 @@ def median_seconds(scenes: Sequence[ClearedScene]) -> dict[str, float]:
 
 def rates(results: Mapping[str, Any], name: str) -> MethodRates:
     """Of `results.json`, for the page; `name`: as it is shown."""
-    gsr, dr = (Share(results[key], *results[f"{key}_interval95"]) for key in ("gsr", "dr"))
     numbers = results["scenes"], results["objects"], results["attempts"]
-    return MethodRates(name, *numbers, gsr, dr, results["causes"], results["seconds"]["planning"])
+    shares = share_in(results, "gsr"), share_in(results, "dr")
+    return MethodRates(name, *numbers, *shares, results["causes"], results["seconds"]["planning"])
 
 
 def scene_row(scene: ClearedScene) -> Row:

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from rich import box
 from rich.table import Table
 
+from spgf_torch.clearing.outcomes import share_in
 from spgf_torch.drawing.clutter_records import Share
 from spgf_torch.drawing.page import drawn, png
 from spgf_torch.drawing.style import FAILED
@@ -27,7 +28,7 @@ def clutter_table(results: Mapping[str, Any]) -> Table:
     said = results["probability"]
     foretold = ("-", "-") if said is None else (f"{said['auc']:.2f}", f"{said['ece']:.2f}")
     numbers = (str(results[key]) for key in ("scenes", "objects", "attempts"))
-    shares = (percent(Share(results[key], *results[f"{key}_interval95"])) for key in ("gsr", "dr"))
+    shares = (percent(share_in(results, key)) for key in ("gsr", "dr"))
     table.add_row(*numbers, *shares, *foretold, f"{results['seconds']['planning']:.2f}")
     return table
 

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 from clearing_cases import config, scene
 
-from spgf_torch.clearing.outcomes import Counts, attempt_rows, causes, clutter_results, csv_text, resampled, share
+from spgf_torch.clearing.outcomes import (
+    Counts,
+    attempt_rows,
+    causes,
+    clutter_results,
+    csv_text,
+    rates,
+    resampled,
+    share,
+)
+from spgf_torch.clearing.tables import clutter_table
 
 # Two of three tries took something from four objects; one of two from two; nothing was tried on three.
 SCENES = [
@@ -44,6 +54,10 @@ def test_nothing_tried_has_no_rate():
     its = share(Counts.of([SCENES[2]]), Counts.gsr, config())
     assert math.isnan(its.value) and math.isnan(its.low)
     assert share(Counts.of([SCENES[2]]), Counts.dr, config()).value == 0
+    nothing = clutter_results([SCENES[2]], config())
+    assert nothing["gsr"] is None and nothing["gsr_interval95"] == [None, None] and nothing["dr"] == 0
+    assert math.isnan(rates(nothing, "ours").success.value) and rates(nothing, "ours").cleared.value == 0
+    assert "-" in [str(cell) for cell in clutter_table(nothing).columns[3].cells]
     assert clutter_results([], config())["attempts"] == 0
 
 

@@ -12,7 +12,7 @@ from commands import ROOT, call
 from spgf_torch.clutter import run
 from spgf_torch.errors import InputError
 
-FILES = {"results.json", "attempts.csv", "scenes.csv", "index.html", "scenes"}
+FILES = {"results.json", "attempts.csv", "scenes.csv", "index.html", "scenes", "config.yaml"}
 
 
 @pytest.fixture(scope="module")

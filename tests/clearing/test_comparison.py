@@ -45,9 +45,26 @@ def test_other_scenes_are_refused(tmp_path):
             beside(ours, [kept(tmp_path / name, scenes, **changes)], config())
 
 
+@pytest.mark.parametrize("changes", [{"seed": 1}, {"scenes": 3}, {"arrangement.kind": "pile"}])
+def test_seeds_tell_other_scenes_before_anything_is_begun(changes, tmp_path):
+    other = kept(tmp_path / "other", THEIRS)
+    other.check(config(scenes=2))
+    with pytest.raises(InputError, match=r"^beside: .*others \(packed, 2 from seed 0 on\) in "):
+        other.check(config(**{"scenes": 2, **changes}))
+
+
 def test_what_is_no_run_is_told_in_one_line(tmp_path):
     with pytest.raises(InputError, match=r"results\.json"):
         OtherRun.read(str(tmp_path))
     (tmp_path / "results.json").write_bytes(sealed_json({"per_scene": [{"cleared": 1}]}))
     with pytest.raises(InputError, match=r"results\.json: expected results of clutter, got something else"):
         OtherRun.read(str(tmp_path))
+
+
+def test_without_attempts_there_is_no_difference_of_grasps(tmp_path):
+    idle = [scene(0, [], objects=2, ended="no grasp"), scene(1, [], objects=3, ended="no grasp")]
+    ours = clutter_results(idle, config())
+    its = beside(ours, [kept(tmp_path / "other", THEIRS)], config())[str(tmp_path / "other")]
+    assert its["gsr_difference"] is None and its["gsr_difference_interval95"] == [None, None]
+    assert its["dr_difference"] == pytest.approx(-2 / 5)
+    assert "GSR +nan" in beside_lines(ours | {"beside": {"x": its}})[0]

@@ -30,14 +30,14 @@ def test_scenes_follow_from_their_seeds_and_take_their_folds_in_turn(monkeypatch
 def test_the_filmed_scene_becomes_the_film_and_the_page_lists_all(tmp_path, monkeypatch):
     drawn = {}
     monkeypatch.setattr(session, "write_film", lambda path, each, hand: drawn.update(film=(path.name, each.name)))
-    page = lambda path, summary, rounds, hand: drawn.update(page=(path.name, summary, rounds))  # noqa: E731
+    page = lambda path, summary, rounds, hand, film: drawn.update(page=(path.name, summary, rounds, film))  # noqa: E731
     monkeypatch.setattr(session, "write_clutter_page", page)
     scenes = [scene(0, [True]), scene(1, [False, True], causes=["empty"])]
     attempts = [replace(each, clip=clip()) for each in scenes[1].round.attempts]
     scenes[1] = replace(scenes[1], round=replace(scenes[1].round, attempts=attempts))
     results = clutter_results(scenes, config())
     assert session.write_pictures(scenes, results, [], None, tmp_path) == ["index.html", "film.gif"]
-    assert drawn["film"] == ("film.gif", "packed 1") and drawn["page"][0] == "index.html"
+    assert drawn["film"] == ("film.gif", "packed 1") and drawn["page"][3] == tmp_path / "film.gif"
     summary = drawn["page"][1]
     assert summary.methods[0].success.value == results["gsr"] and summary.methods[0].causes == {"empty": 1}
     assert [each.name for each in drawn["page"][2]] == ["packed 0", "packed 1"]
