@@ -35,8 +35,8 @@ def run(config: ClutterConfig, folder: Path) -> None:
     """
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
     learned = Learned.of(config)
-    for other in config.beside or ():
-        check_folder("beside", other, "the folder of another run of clutter")
+    for name in config.beside or ():
+        check_folder("beside", name, "the folder of another run of clutter")
 
     from spgf_torch.clearing.comparison import OtherRun, beside_lines
     from spgf_torch.clearing.processes import made_with
@@ -48,6 +48,8 @@ def run(config: ClutterConfig, folder: Path) -> None:
     from spgf_torch.handcheck.standing import tried_hand
 
     stages, others = ProgressReporter(), [OtherRun.read(other) for other in config.beside or ()]
+    for other in others:
+        other.check(config)
     objects = _objects(config, stages)
     tasks = scene_tasks(config, learned, objects)
     taught = check_method(config, learned, sorted({task.fold for task in tasks}, key=str))

@@ -35,6 +35,17 @@ class OtherRun:
             raise InputError(f"{path}: expected results of clutter, got something else") from None
         return OtherRun(path.parent, results)
 
+    def check(self, config: ClutterConfig) -> None:
+        """Raise InputError unless it is on the scenes that the settings name, as far as seeds tell."""
+        seeds = list(range(config.seed, config.seed + config.scenes))
+        if [seed for seed, _ in self.scenes] != seeds or self.results["arrangement"] != config.arrangement.kind:
+            raise self.other_scenes(config.scenes)
+
+    def other_scenes(self, scenes: int) -> InputError:
+        """That it is on other scenes than these."""
+        its = f"{self.results['arrangement']}, {len(self.scenes)} from seed {self.results['seed']} on"
+        return InputError(f"beside: expected a run on the same {scenes} scenes, got others ({its}) in {self.folder}")
+
     @property
     def counts(self) -> Counts:
         rows = [(row["cleared"], row["attempts"], row["objects"]) for row in self.results["per_scene"]]
@@ -54,10 +65,7 @@ def beside(ours: Mapping[str, Any], others: Sequence[OtherRun], config: ClutterC
     mine, found = OtherRun(Path(), ours), {}
     for other in others:
         if other.scenes != mine.scenes or other.results["arrangement"] != ours["arrangement"]:
-            got = f"others, from seed {other.results['seed']} on, {other.results['arrangement']}"
-            raise InputError(
-                f"beside: expected a run on the same {len(mine.scenes)} scenes, got {got} in {other.folder}"
-            )
+            raise other.other_scenes(len(mine.scenes))
         its: dict[str, Any] = {key: other.results[key] for key in ("method", "gsr", "dr")}
         for key, parts in (("gsr", Counts.gsr), ("dr", Counts.dr)):
             its |= stated(f"{key}_difference", _difference(mine.counts, other.counts, parts, config))

@@ -14,7 +14,7 @@ from typing import Any
 
 import joblib
 
-from spgf_torch.cache import fingerprint
+from spgf_torch.cache import code_fingerprint, fingerprint
 from spgf_torch.clearing.config import OURS, ClutterConfig
 from spgf_torch.clearing.methods import method_of
 from spgf_torch.clearing.rounds import Bench, ClearedScene
@@ -24,6 +24,7 @@ from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.settings import plain
 from spgf_torch.simulation.arrangements import arranged
 from spgf_torch.simulation.attempts import Attempts
+from spgf_torch.simulation.execute import versions
 from spgf_torch.simulation.worker_process import WorkerDiedError, WorkerProcess, limited
 
 
@@ -110,6 +111,7 @@ _benches: dict[str, Bench] = {}
 
 
 def made_with(config: ClutterConfig, parts: Any) -> str:
-    """Fingerprint of all settings that a scene depends on, and of further parts."""
+    """Fingerprint of all settings that a scene depends on, of the program, and of further parts."""
     how = {"scenes", "workers", "out", "bootstrap", "time_limit", "cache", "cache_gb", "objects", "skip_bad", "beside"}
-    return fingerprint({key: value for key, value in plain(config).items() if key not in how}, parts)
+    settings = {key: value for key, value in plain(config).items() if key not in how}
+    return fingerprint(settings, versions(), code_fingerprint(__name__), parts)

@@ -45,6 +45,14 @@ def test_other_scenes_are_refused(tmp_path):
             beside(ours, [kept(tmp_path / name, scenes, **changes)], config())
 
 
+@pytest.mark.parametrize("changes", [{"seed": 1}, {"scenes": 3}, {"arrangement.kind": "pile"}])
+def test_seeds_tell_other_scenes_before_anything_is_begun(changes, tmp_path):
+    other = kept(tmp_path / "other", THEIRS)
+    other.check(config(scenes=2))
+    with pytest.raises(InputError, match=r"^beside: .*others \(packed, 2 from seed 0 on\) in "):
+        other.check(config(**{"scenes": 2, **changes}))
+
+
 def test_what_is_no_run_is_told_in_one_line(tmp_path):
     with pytest.raises(InputError, match=r"results\.json"):
         OtherRun.read(str(tmp_path))
