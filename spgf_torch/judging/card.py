@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from spgf_torch.judging.config import JudgeConfig
+from spgf_torch.judging.scene_validation import scene_lines
 from spgf_torch.proposing.judge import Judge
 
 LIMITS = """\
@@ -58,8 +59,26 @@ All tried hypotheses, judged by cross-validation over objects with all rounds:
 |---|---|---|---|---|---|
 {validated}
 
-## Limits
+{scenes_card(results.get("in_scenes", {}))}## Limits
 {LIMITS}
+"""
+
+
+def scenes_card(results: dict[str, Any]) -> str:
+    """How a judge that learned in scenes did there beside one that did not; nothing of another."""
+    if not results:
+        return ""
+    rows = "\n".join(f"| {' | '.join(line)} |" for line in scene_lines(results))
+    return f"""\
+## In scenes of objects that it had not seen
+Tables full of things, other than those that it learned in: what the judge of single objects and what the judge that
+learned in scenes chose in the same clouds, executed; percent. Gain: of the share of the best that succeed, paired by
+scene, with 95 % intervals over scenes.
+
+| cloud | ranked by | best | first | predicted | AUC | ECE | gain |
+|---|---|---|---|---|---|---|---|
+{rows}
+
 """
 
 

@@ -9,7 +9,8 @@ from omegaconf import MISSING
 from spgf_torch.objects.config import ObjectsConfig
 from spgf_torch.proposing.config import HypothesesConfig, ProposingConfig
 from spgf_torch.sensing.config import SensingConfig
-from spgf_torch.settings import bounded, choice, defaults_from, text
+from spgf_torch.settings import bounded, choice, defaults_from, left_out, text
+from spgf_torch.simulation.clutter_config import ArrangementConfig, AttemptConfig
 from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig
 
 
@@ -26,9 +27,30 @@ class TreesConfig:
 
 
 @dataclass
+class ContextConfig:
+    """Tables full of things that a judge learns in (conf/context/tabletop.yaml)."""
+
+    number: int = bounded(1, 1000)
+    rounds: int = bounded(1, 10)
+    measured: int = bounded(0, 1000)
+    first: int = bounded(0, 2**31 - 1)
+    first_measured: int = bounded(0, 2**31 - 1)
+    count: int = bounded(1, 50)
+    best: int = bounded(1, 100)
+    random: int = bounded(0, 1000)
+    surveyed: int = bounded(0, 100_000)
+    views: list[int] = text()
+    packed: ArrangementConfig = field(default_factory=ArrangementConfig)
+    pile: ArrangementConfig = field(default_factory=ArrangementConfig)
+    attempt: AttemptConfig = field(default_factory=AttemptConfig)
+    proposing: ProposingConfig = field(default_factory=ProposingConfig)
+
+
+@dataclass
 class JudgeConfig(ObjectsConfig):
     """`python -m spgf_torch.judge`: a hand's judge of grasp hypotheses."""
 
+    known: str | None = text()
     trials: str | None = text()
     own_trials: str | None = text()
     candidates: int = bounded(1, 1_000_000)
@@ -58,3 +80,5 @@ class JudgeConfig(ObjectsConfig):
     proposing: ProposingConfig = field(default_factory=ProposingConfig)
     hypotheses: HypothesesConfig = field(default_factory=HypothesesConfig)
     learning: TreesConfig = field(default_factory=TreesConfig)
+    context: ContextConfig | None = left_out()
+    scene_trials: str | None = text()

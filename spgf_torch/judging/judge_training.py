@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 from spgf_torch.cache import Cache
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
-from spgf_torch.experiment.held_out import save_fold_judges
+from spgf_torch.experiment.held_out import load_fold_judges, save_fold_judges
 from spgf_torch.experiment.labelled_grasps import open_hand, tables_of
 from spgf_torch.files.digests import sealed_yaml
 from spgf_torch.files.writing import write_bytes, write_text
@@ -28,6 +28,9 @@ from spgf_torch.judging.learning import calibration_of, judge_of, learn_judge
 from spgf_torch.judging.objects_that_fit import fits
 from spgf_torch.judging.own_trials import OwnProvenance, OwnTrials, read_own, write_own
 from spgf_torch.judging.rounds import Workshop, own_round, own_rows, random_rows, random_tables
+from spgf_torch.judging.scene_learning import scene_lessons
+from spgf_torch.judging.scene_rounds import SceneShop
+from spgf_torch.judging.scene_trials import SceneTrials, origin_of, read_scene_trials, write_scene_trials
 from spgf_torch.judging.training_rows import Bench, Rows
 from spgf_torch.judging.validation import cross_validated, executed, validation_rows
 from spgf_torch.objects.grasp_object import GraspObject
@@ -35,7 +38,7 @@ from spgf_torch.paths import find
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.hypotheses import Search
-from spgf_torch.proposing.judge import Judge, save_judge
+from spgf_torch.proposing.judge import Judge, load_judge, save_judge
 from spgf_torch.settings import plain
 from spgf_torch.simulation.executors import check_address, executor_of
 from spgf_torch.simulation.table import TrialTable, table_path, write_table
@@ -52,11 +55,13 @@ class Lessons:
 
     Attributes:
         judge: of all objects. of_fold: fold -> a judge that has not seen its objects. own: the trials of the rounds.
+        scenes: those in scenes; None: it learned from single objects alone.
     """
 
     judge: Judge
     of_fold: Mapping[int, Judge]
     own: Sequence[OwnTrials]
+    scenes: SceneTrials | None = None
 
 
 @dataclass(frozen=True)
@@ -116,7 +121,35 @@ class Course:
             own = [OwnTrials.together(parts) for parts in zip(own, its, strict=True)] if own else its
         with self.shop.stages.stage("learning", self.shop.config.folds, "judges") as advance:
             of_fold = self._of_fold(rows, advance)
-        return Lessons(self._learned(rows, benches, of_fold), of_fold, self.given or own)
+        lessons = Lessons(self._learned(rows, benches, of_fold), of_fold, self.given or own)
+        return lessons if self.shop.config.context is None else self.in_scenes(lessons)
+
+    def known(self, folder: Path) -> Lessons:
+        """The judges that an earlier call left. Raises InputError for those of another hand or other folds."""
+        judge, folds = load_judge(folder), load_fold_judges(folder)
+        judge.check_hand(plain(self.shop.config.hand), "this hand")
+        its = [folds.fold_of(obj) for obj in self.objects]
+        if its != self.fold.tolist():
+            raise InputError(f"known: expected the folds of seed={self.shop.config.seed}, got others in {folder}")
+        return Lessons(judge, folds.models, [])
+
+    def in_scenes(self, lessons: Lessons) -> Lessons:
+        """The same judges, which learned in scenes, too."""
+        config, given = self.shop.config, None
+        if config.scene_trials is not None:
+            given = read_scene_trials(find(config.scene_trials), self._origin(), self.shop.trials.grasp_types)
+        pools = [
+            [obj for obj, its in zip(self.objects, self.fold.tolist(), strict=True) if its == fold]
+            for fold in range(config.folds)
+        ]
+        found = scene_lessons(SceneShop(self.shop, pools, lessons.of_fold), given)
+        of_fold = {fold: found.taught(judge, fold) for fold, judge in lessons.of_fold.items()}
+        judge = found.taught(lessons.judge, None)
+        judge = replace(judge, results={**judge.results, "in_scenes": found.results})
+        return Lessons(judge, of_fold, lessons.own, found.trials)
+
+    def _origin(self) -> dict[str, Any]:
+        return origin_of(self.objects, self.shop.trials, self.shop.config)
 
     def _benches(self) -> list[Bench]:
         """Each object with its clouds and, unless what was chosen of them is known, hypotheses."""
@@ -199,10 +232,12 @@ class Course:
         """
         size = save_judge(lessons.judge, folder)
         write_text(folder / card, judge_card(lessons.judge, self.shop.config, size))
-        if self.given is None:
+        if self.given is None and lessons.own:
             (folder / OWN_TRIALS).mkdir()
             for its in lessons.own:
                 write_own(folder / OWN_TRIALS, its)
+        if lessons.scenes is not None:
+            write_scene_trials(folder, lessons.scenes, self._origin(), self.shop.trials.grasp_types)
         if self.shop.config.fold_judges:
             save_fold_judges(lessons.of_fold, self.objects, self.fold.tolist(), folder)
         return size

@@ -39,12 +39,18 @@ def stages(config: JudgeConfig, tried: bool) -> list[tuple[str, float]]:
         chosen = 2 * (config.one_view + config.four_views) * (config.best + config.random)
         plan += [("rows", _SHARES["rows"]), ("learning", number * _SHARES["learning"])]
         plan.append(("trials", _SHARES["chosen"] * chosen))
-    return [*plan, ("rows", _SHARES["rows"]), ("learning", 2 * (config.rounds + 1) * _SHARES["learning"])]
+    taught = (config.rounds + 1) * _SHARES["learning"]
+    plan += [("rows", _SHARES["rows"]), ("learning", 1.7 * taught), ("learning", 0.3 * taught)]
+    if (scenes := config.context) is None:
+        return plan
+    counts = [scenes.number] * scenes.rounds + [scenes.measured]
+    in_scenes = [("scenes", 2 * count * _SHARES["scene"]) for count in counts]
+    return in_scenes if config.known is not None else [*plan, *in_scenes]
 
 
 # Processor seconds an object, of the Panda: of a candidate of each type, of clouds and hypotheses, of a trial that a
-# judge chose, of describing trials, of learning from the trials of one round.
-_SHARES = {"random": 0.02, "hypotheses": 1.7, "chosen": 0.027, "rows": 0.05, "learning": 0.1}
+# judge chose, of describing trials, of learning from the trials of one round; of a scene, where there are 50 objects.
+_SHARES = {"random": 0.02, "hypotheses": 1.7, "chosen": 0.027, "rows": 0.05, "learning": 0.1, "scene": 0.09}
 # The same of a votes' model.
 VOTES = [("sensing", 0.2), ("features", 0.1), ("particles", 0.1), ("prototypes", 0.8), ("voting", 0.3)]
 

@@ -3,9 +3,10 @@
 Each factor is boosted trees, or a logistic regression, on the numbers of `judge_features`. A judge has a second pair of
 factors for clouds without images, in which unseen space is not known. What is ranked best was often only judged too
 well: a map learned from executed grasps, which judges had chosen that had not seen the object, sets the probabilities
-right by number of views and leaves the order as it is. `judge.safetensors` holds the arrays and
-`judge.json` the hand, the settings and how it did on objects that it had not seen; neither can run code when read, and
-each carries its digest.
+right by number of views and leaves the order as it is. A judge may have learned in scenes, too: a third pair of factors
+weighs what the first said together with all numbers. `judge.safetensors` holds the
+arrays and `judge.json` the hand, the settings and how it did on objects that it had not seen; neither can run code when
+read, and each carries its digest.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+import torch
 from safetensors import SafetensorError
 from safetensors.torch import load, save
 from torch import Tensor
@@ -39,8 +41,12 @@ ARRAYS, ABOUT = "judge.safetensors", "judge.json"
 # What a judge knows: with images all numbers, without them those of geometry alone.
 KNOWN: Mapping[str, tuple[str, ...]] = {"images": NAMES, "bare": GEOMETRY}
 FACTORS = ("free", "holds")
-# Names of the maps to probabilities of executed grasps: of one view, and of several.
+# What a judge that learned in scenes knows there: also what it would say without.
+SCENE = "scene"
+SCENE_NUMBERS = (*NAMES, *(f"log_{factor}" for factor in FACTORS))
+# Names of the maps to probabilities of executed grasps: of one view, and of several; and the same in scenes.
 VIEWS = ("one", "more")
+SCENE_VIEWS = ("scene, one", "scene, more")
 # Of a map: slope > 0 against log p, slope > 0 against -log(1 - p), and shift of the log-odds (beta calibration, Kull,
 # Silva Filho and Flach 2017).
 Curve = tuple[float, float, float]
@@ -54,12 +60,12 @@ class Judge:
     """What was learned for one hand.
 
     Attributes:
-        factors: (what is known, factor) -> its form: keys of `KNOWN` and `FACTORS`.
+        factors: (what is known, factor) -> its form: keys of `KNOWN`, maybe `SCENE`, and `FACTORS`.
         settings: hand and hypotheses, as plain values; they belong to what was learned.
         sure: probability below which a grasp is not to be relied on.
         taught: object name -> digest, of what it learned from. results: how it did on held-out objects.
-        calibration: of `VIEWS` the curve from what the factors say to how often executed grasps held; a missing one
-            leaves them as they are.
+        calibration: of `VIEWS` and `SCENE_VIEWS` the curve from what the factors say to how often executed grasps held;
+            a missing one leaves them as they are.
     """
 
     factors: Mapping[tuple[str, str], Form]
@@ -81,8 +87,29 @@ class Judge:
         free, holds = (self.factors[known, factor].log_odds(given).sigmoid() for factor in FACTORS)
         if not images:
             return free, holds
+        return self._shared_out(free, holds, numbers, VIEWS)
+
+    def both_in_scene(self, numbers: Tensor) -> tuple[Tensor, Tensor]:
+        """The same among other things on a table: P(nothing is met on the way), P(holds | so)."""
+        given = self.scene_numbers(numbers)
+        free, holds = (self.factors[SCENE, factor].log_odds(given).sigmoid() for factor in FACTORS)
+        return self._shared_out(free, holds, numbers, SCENE_VIEWS)
+
+    def scene_numbers(self, numbers: Tensor) -> Tensor:
+        """(G, 33) f32: `SCENE_NUMBERS`, the last of them what the factors with images say, uncalibrated."""
+        said = [self.factors["images", factor].log_odds(numbers) for factor in FACTORS]
+        return torch.cat([numbers, torch.stack(said, dim=1).float()], dim=1)
+
+    @property
+    def knows_scenes(self) -> bool:
+        """Whether it learned in scenes."""
+        return (SCENE, FACTORS[0]) in self.factors
+
+    def _shared_out(
+        self, free: Tensor, holds: Tensor, numbers: Tensor, views: tuple[str, str]
+    ) -> tuple[Tensor, Tensor]:
         raw = (free * holds).clamp(_EDGE, 1 - _EDGE)
-        power = calibrated(raw, numbers[:, NAMES.index("views")], self.calibration).log() / raw.log()
+        power = calibrated(raw, numbers[:, NAMES.index("views")], self.calibration, views).log() / raw.log()
         return free**power, holds**power
 
     @property
@@ -106,10 +133,14 @@ class Judge:
             )
 
 
-def calibrated(p: Tensor, views: Tensor, calibration: Mapping[str, Curve]) -> Tensor:
-    """(G,) f64: how often grasps hold of which p (G,) was said, in clouds of `views` (G,) images; see `Judge`."""
+def calibrated(p: Tensor, views: Tensor, calibration: Mapping[str, Curve], names: tuple[str, str] = VIEWS) -> Tensor:
+    """(G,) f64: how often grasps hold of which p (G,) was said, in clouds of `views` (G,) images; see `Judge`.
+
+    Args:
+        names: of the curves of one view and of several.
+    """
     said = p.double().clone()
-    for name, of in zip(VIEWS, (views <= 1, views > 1), strict=True):
+    for name, of in zip(names, (views <= 1, views > 1), strict=True):
         if name in calibration:
             low, high, shift = calibration[name]
             its = said[of].clamp(_EDGE, 1 - _EDGE)
@@ -130,6 +161,7 @@ def save_judge(judge: Judge, folder: Path) -> int:
         "format": FORMAT,
         "schema": SCHEMA,
         "numbers": list(NAMES),
+        **({"scene_numbers": list(SCENE_NUMBERS)} if judge.knows_scenes else {}),
         "grasp_types": list(judge.grasp_types),
         "forms": forms,
         "sure": judge.sure,
@@ -149,7 +181,8 @@ def load_judge(folder: Path) -> Judge:
     path = folder / ARRAYS
     tensors = _tensors(path, document[DIGEST])
     factors = {}
-    for known, numbers in KNOWN.items():
+    learned = {**KNOWN, SCENE: SCENE_NUMBERS} if "scene_numbers" in document else KNOWN
+    for known, numbers in learned.items():
         for factor in FACTORS:
             name = f"{known}.{factor}"
             kind = FORMS[document["forms"][name]]
@@ -192,27 +225,31 @@ def _document(path: Path) -> dict[str, Any]:
             f"{path}: expected format {FORMAT!r}, schema {SCHEMA}; got {found}; learn it again: "
             "python -m spgf_torch.judge hand=NAME"
         )
-    if document.get("numbers") != list(NAMES):
-        raise InputError(f"{path}: expected a judge of this version's {len(NAMES)} numbers, got one of others")
     forms, wanted = document.get("forms"), {f"{known}.{factor}" for known in KNOWN for factor in FACTORS}
+    if "scene_numbers" in document:
+        wanted |= {f"{SCENE}.{factor}" for factor in FACTORS}
+    numbers = document.get("numbers"), document.get("scene_numbers", list(SCENE_NUMBERS))
+    if numbers != (list(NAMES), list(SCENE_NUMBERS)):
+        raise InputError(f"{path}: expected a judge of this version's {len(NAMES)} numbers, got one of others")
     if not isinstance(forms, dict) or set(forms) != wanted or not set(forms.values()) <= set(FORMS):
         raise InputError(f"{path}: expected forms of {', '.join(sorted(wanted))}; got {forms}")
     for key, kind in (("sure", float), ("settings", dict), ("taught", dict), ("results", dict), (DIGEST, str)):
         if not isinstance(document.get(key), kind):
             raise InputError(f"{path}: expected {key}, got {document.get(key)!r}")
     curves = document.get("calibration")
-    if not isinstance(curves, dict) or not all(name in VIEWS and _rising(curve) for name, curve in curves.items()):
-        raise InputError(
-            f"{path}: expected calibration of {', '.join(VIEWS)}: two slopes > 0 and a shift; got {curves}"
-        )
+    if not isinstance(curves, dict) or not all(
+        name in (*VIEWS, *SCENE_VIEWS) and _rising(curve) for name, curve in curves.items()
+    ):
+        names = "; ".join((*VIEWS, *SCENE_VIEWS))
+        raise InputError(f"{path}: expected calibration of {names}: two slopes > 0 and a shift; got {curves}")
     for key, room in _SETTINGS.items():
         try:
             typed(room, document["settings"].get(key, {}))
         except InputError as error:
             raise InputError(f"{path}: settings.{key}: {error}") from None
-    names = list(grasp_types(typed(HandConfig, document["settings"].get("hand", {}))))
-    if document.get("grasp_types") != names:
-        raise InputError(f"{path}: expected grasp_types {names}, those of its hand; got {document.get('grasp_types')}")
+    types = list(grasp_types(typed(HandConfig, document["settings"].get("hand", {}))))
+    if document.get("grasp_types") != types:
+        raise InputError(f"{path}: expected grasp_types {types}, those of its hand; got {document.get('grasp_types')}")
     return document
 
 

@@ -20,12 +20,13 @@ class Numbers:
 
     Attributes:
         values: (D,) f32, `judge_features.NAMES`. usual: (D,) f32, their medians among all hypotheses about the target.
-        images: whether unseen space was known.
+        images: whether unseen space was known. scene: whether it was weighed by what the judge learned in scenes.
     """
 
     values: Tensor
     usual: Tensor
     images: bool
+    scene: bool = False
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ def weighed(judge: Judge, grasps: Sequence[Numbers]) -> list[list[Weight]]:
         rows = grasp.values.repeat(len(names) + 1, 1)
         at = torch.arange(len(names))
         rows[at, at] = grasp.usual[: len(names)]
-        free, holds = judge.both(rows, grasp.images)
+        free, holds = judge.both_in_scene(rows) if grasp.scene else judge.both(rows, grasp.images)
         log_odds = torch.logit((free * holds).clamp(_LEAST, 1 - _LEAST))
         moved = (log_odds[-1] - log_odds[:-1]).tolist()
         weights = [

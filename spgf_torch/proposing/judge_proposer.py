@@ -94,18 +94,26 @@ def searched(hypotheses: HypothesesConfig, config: ProposingConfig) -> Hypothese
 
 def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, around: Surroundings) -> Ranked:
     """The most probable grasps, no two of which are the same, at most `config.count` of each type."""
+    hypotheses = candidates(search, config, seen, around)
+    numbers = judge_features(seen, hypotheses, search)
+    scene = config.neighbours is not None and judge.knows_scenes and bool(seen.views)
+    both = judge.both_in_scene(numbers) if scene else judge.both(numbers, images=bool(seen.views))
+    factors = torch.stack(both, dim=1)
+    kept = best_indices(seen, hypotheses, score := factors.prod(1).float(), search, config)
+    usual = numbers.median(0).values if len(numbers) else numbers
+    known = tuple(Numbers(numbers[i], usual, bool(seen.views), scene) for i in kept.tolist())
+    return Ranked(hypotheses.at(kept), score[kept], factors[kept], known)
+
+
+def candidates(search: Search, config: ProposingConfig, seen: Seen, around: Surroundings) -> Hypotheses:
+    """What a judge weighs: hypotheses within the images, clear of borders, among neighbours of one thing if any is."""
     hypotheses = search.hypotheses(seen.texlets, around)
     hypotheses = hypotheses.at(in_images(seen, hypotheses, search))
     clear = clear_of_borders(around.borders, hypotheses.T, hypotheses.grasp_type, search.clearance.regions)
     hypotheses = hypotheses.at(clear)
     if config.neighbours is not None and bool((one := one_thing(seen, hypotheses, search, config.neighbours)).any()):
         hypotheses = hypotheses.at(one)
-    numbers = judge_features(seen, hypotheses, search)
-    factors = torch.stack(judge.both(numbers, images=bool(seen.views)), dim=1)
-    kept = best_indices(seen, hypotheses, score := factors.prod(1).float(), search, config)
-    usual = numbers.median(0).values if len(numbers) else numbers
-    known = tuple(Numbers(numbers[i], usual, bool(seen.views)) for i in kept.tolist())
-    return Ranked(hypotheses.at(kept), score[kept], factors[kept], known)
+    return hypotheses
 
 
 def best_of(seen: Seen, hypotheses: Hypotheses, score: Tensor, search: Search, config: ProposingConfig) -> Ranked:

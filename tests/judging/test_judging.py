@@ -64,6 +64,18 @@ TINY = [
     "sensing.focal=144",
 ]
 
+SCENES = [
+    "context.number=1",
+    "context.rounds=2",
+    "context.measured=1",
+    "context.count=2",
+    "context.best=2",
+    "context.random=2",
+    "context.surveyed=20",
+    "context.views=[1]",
+    "context.proposing.neighbours.seeds=10",
+]
+
 
 def config(*overrides: str) -> JudgeConfig:
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
@@ -134,6 +146,30 @@ def test_the_same_call_gives_the_same_judge_and_tries_nothing_again(
     assert (run / "judge.safetensors").read_bytes() == (Path("again") / "judge.safetensors").read_bytes()
 
 
+def test_scenes_teach_and_their_trials_teach_again(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The judge of single objects is the same; the table of the trials gives the very judge, without physics."""
+    monkeypatch.chdir(place)
+    run = "outputs/judge/latest"
+    given = ["objects=objects", f"trials={run}/trials", f"own_trials={run}/own_trials", "+context=tabletop", *SCENES]
+    (first := tmp_path / "first").mkdir()
+    (second := tmp_path / "second").mkdir()
+    learn(config(*given), first)
+    monkeypatch.setattr("spgf_torch.judging.scene_rounds.Attempts", None)
+    learn(config(*given, f"scene_trials={first}/scene_trials.parquet"), second)
+    assert (first / "judge.safetensors").read_bytes() == (second / "judge.safetensors").read_bytes()
+    old, new = load_judge(place / run), load_judge(first)
+    assert new.knows_scenes and not old.knows_scenes and set(new.calibration) >= set(old.calibration) == {"one", "more"}
+    numbers = torch.rand(5, 31)
+    assert torch.equal(new.probability(numbers, True), old.probability(numbers, True))
+    assert load_fold_judges(first).models[0].knows_scenes
+    for block in new.results["in_scenes"].values():
+        assert block["scenes"] == 1 and -1 <= block["gain"] <= 1
+    assert "## In scenes" in (first / "README.md").read_text()
+    assert (first / "scene_trials.parquet").read_bytes() == (second / "scene_trials.parquet").read_bytes()
+
+
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [
@@ -141,6 +177,13 @@ def test_the_same_call_gives_the_same_judge_and_tries_nothing_again(
         (["trials=nowhere"], ["nowhere", "simulate"]),
         (["objects=objects", "folds=5"], ["folds (5)", "got 4", "folds=4"]),
         (["objects=objects", "trials=empty"], ["config.yaml", "simulate"]),
+        (["objects=objects", "known=empty"], ["known", "+context=tabletop"]),
+        (["objects=objects", "known=empty", "+context=tabletop"], ["judge.json", "no such file"]),
+        (["objects=objects", "+context=tabletop", "context.views=[0]"], ["context.views", "1 to 24", "[0]"]),
+        (
+            ["objects=objects", "+context=tabletop", "context.first_measured=15"],
+            ["first_measured", "0 to 15", "15 to 26"],
+        ),
     ],
 )
 def test_bad_input_is_refused(
