@@ -14,17 +14,16 @@ import torch
 from torch import Tensor
 
 from spgf_torch.judging.config import JudgeConfig
-from spgf_torch.judging.learning import fit, rising_curve
+from spgf_torch.judging.learning import fit
 from spgf_torch.judging.scene_benches import KINDS, SceneBench
 from spgf_torch.judging.scene_rounds import OBJECT, SCENE, SceneShop, choose
 from spgf_torch.judging.scene_trials import SceneTrials
 from spgf_torch.judging.scene_validation import compared
-from spgf_torch.proposing.judge import FACTORS, SCENE_NUMBERS, SCENE_VIEWS, Curve, Judge
+from spgf_torch.proposing.judge import FACTORS, SCENE_NUMBERS, Judge
 from spgf_torch.proposing.judge import SCENE as KNOWN
-from spgf_torch.proposing.judge_features import NAMES, judge_features
+from spgf_torch.proposing.judge_features import judge_features
 from spgf_torch.proposing.tree_ensembles import Form
 
-_VIEWS = NAMES.index("views")
 Factors = dict[tuple[str, str], Form]
 
 
@@ -60,17 +59,15 @@ class SceneRows:
 
 @dataclass(frozen=True)
 class SceneLessons:
-    """What scenes taught: all trials, factors and calibration of each fold (key: the fold) and of all (None), rates."""
+    """What scenes taught: all trials, factors of each fold (key: the fold) and of all (None), rates."""
 
     trials: SceneTrials
     factors: Mapping[int | None, Factors]
-    calibration: Mapping[int | None, dict[str, Curve]]
     results: dict[str, Any]
 
     def taught(self, judge: Judge, fold: int | None) -> Judge:
         """A judge of single objects with what the scenes taught it."""
-        factors = {**judge.factors, **self.factors[fold]}
-        return replace(judge, factors=factors, calibration={**judge.calibration, **self.calibration[fold]})
+        return replace(judge, factors={**judge.factors, **self.factors[fold]})
 
 
 def scene_lessons(shop: SceneShop, given: SceneTrials | None) -> SceneLessons:
@@ -90,11 +87,7 @@ def scene_lessons(shop: SceneShop, given: SceneTrials | None) -> SceneLessons:
         taught = {f: replace(judge, factors={**judge.factors, **factors[f]}) for f, judge in shop.judges.items()}
         by = SCENE
     factors[None] = learn_scenes(known, config)
-    best = known.at(known.rank >= 0)
-    p = _said_by_others(best, taught)
-    calibration: dict[int | None, dict[str, Curve]] = {f: _curves(best, p, best.fold != f) for f in range(folds)}
-    calibration[None] = _curves(best, p, best.fold >= 0)
-    lessons = SceneLessons(SceneTrials.together(trials), factors, calibration, {})
+    lessons = SceneLessons(SceneTrials.together(trials), factors, {})
     measured = [_measured(bench, lessons, given, shop) for bench in shop.benches(shop.scenes.rounds + 1)]
     if not measured:
         return lessons
@@ -146,22 +139,6 @@ def _given(given: SceneTrials | None, bench: SceneBench, number: int) -> SceneTr
     kind = KINDS.index(bench.key.kind)
     its = given.at((given.scene == bench.key.seed) & (given.kind == kind) & (given.round == number))
     return its if len(its) else None
-
-
-def _said_by_others(rows: SceneRows, judges: Mapping[int, Judge]) -> Tensor:
-    """(R,) f64: of each row the probability by the judge that has not seen its scene's objects, uncalibrated."""
-    p = torch.zeros(len(rows), dtype=torch.float64)
-    for fold, judge in judges.items():
-        its = rows.fold == fold
-        free, holds = (judge.factors[KNOWN, factor].log_odds(rows.numbers[its]).sigmoid() for factor in FACTORS)
-        p[its] = free * holds
-    return p
-
-
-def _curves(rows: SceneRows, p: Tensor, among: Tensor) -> dict[str, Curve]:
-    views = rows.numbers[:, _VIEWS]
-    of_each = zip(SCENE_VIEWS, (among & (views <= 1), among & (views > 1)), strict=True)
-    return {name: rising_curve(p[of], rows.success[of]) for name, of in of_each if of.any()}
 
 
 def _weights(scene: Tensor) -> Tensor:

@@ -4,9 +4,9 @@ Each factor is boosted trees, or a logistic regression, on the numbers of `judge
 factors for clouds without images, in which unseen space is not known. What is ranked best was often only judged too
 well: a map learned from executed grasps, which judges had chosen that had not seen the object, sets the probabilities
 right by number of views and leaves the order as it is. A judge may have learned in scenes, too: a third pair of factors
-weighs what the first said together with all numbers. `judge.safetensors` holds the
-arrays and `judge.json` the hand, the settings and how it did on objects that it had not seen; neither can run code when
-read, and each carries its digest.
+weighs what the first said together with all numbers, and needs no map: it learned from executed grasps, the best ones
+among them. `judge.safetensors` holds the arrays and `judge.json` the hand, the settings and how it did on objects that
+it had not seen; neither can run code when read, and each carries its digest.
 """
 
 from __future__ import annotations
@@ -44,9 +44,8 @@ FACTORS = ("free", "holds")
 # What a judge that learned in scenes knows there: also what it would say without.
 SCENE = "scene"
 SCENE_NUMBERS = (*NAMES, *(f"log_{factor}" for factor in FACTORS))
-# Names of the maps to probabilities of executed grasps: of one view, and of several; and the same in scenes.
+# Names of the maps to probabilities of executed grasps: of one view, and of several.
 VIEWS = ("one", "more")
-SCENE_VIEWS = ("scene, one", "scene, more")
 # Of a map: slope > 0 against log p, slope > 0 against -log(1 - p), and shift of the log-odds (beta calibration, Kull,
 # Silva Filho and Flach 2017).
 Curve = tuple[float, float, float]
@@ -64,8 +63,8 @@ class Judge:
         settings: hand and hypotheses, as plain values; they belong to what was learned.
         sure: probability below which a grasp is not to be relied on.
         taught: object name -> digest, of what it learned from. results: how it did on held-out objects.
-        calibration: of `VIEWS` and `SCENE_VIEWS` the curve from what the factors say to how often executed grasps held;
-            a missing one leaves them as they are.
+        calibration: of `VIEWS` the curve from what the factors say to how often executed grasps held; a missing one
+            leaves them as they are.
     """
 
     factors: Mapping[tuple[str, str], Form]
@@ -87,13 +86,20 @@ class Judge:
         free, holds = (self.factors[known, factor].log_odds(given).sigmoid() for factor in FACTORS)
         if not images:
             return free, holds
-        return self._shared_out(free, holds, numbers, VIEWS)
+        raw = (free * holds).clamp(_EDGE, 1 - _EDGE)
+        power = calibrated(raw, numbers[:, NAMES.index("views")], self.calibration).log() / raw.log()
+        return free**power, holds**power
 
     def both_in_scene(self, numbers: Tensor) -> tuple[Tensor, Tensor]:
-        """The same among other things on a table: P(nothing is met on the way), P(holds | so)."""
+        """The same among other things on a table: P(nothing is met on the way), P(holds | so).
+
+        The mean of what single objects and what scenes taught, in log-odds: there are fewer scenes to learn from.
+        """
         given = self.scene_numbers(numbers)
-        free, holds = (self.factors[SCENE, factor].log_odds(given).sigmoid() for factor in FACTORS)
-        return self._shared_out(free, holds, numbers, SCENE_VIEWS)
+        said = given[:, len(NAMES) :].double().unbind(1)
+        taught = (self.factors[SCENE, factor].log_odds(given) for factor in FACTORS)
+        free, holds = ((old + new).div(2).sigmoid() for old, new in zip(said, taught, strict=True))
+        return free, holds
 
     def scene_numbers(self, numbers: Tensor) -> Tensor:
         """(G, 33) f32: `SCENE_NUMBERS`, the last of them what the factors with images say, uncalibrated."""
@@ -104,13 +110,6 @@ class Judge:
     def knows_scenes(self) -> bool:
         """Whether it learned in scenes."""
         return (SCENE, FACTORS[0]) in self.factors
-
-    def _shared_out(
-        self, free: Tensor, holds: Tensor, numbers: Tensor, views: tuple[str, str]
-    ) -> tuple[Tensor, Tensor]:
-        raw = (free * holds).clamp(_EDGE, 1 - _EDGE)
-        power = calibrated(raw, numbers[:, NAMES.index("views")], self.calibration, views).log() / raw.log()
-        return free**power, holds**power
 
     @property
     def grasp_types(self) -> tuple[str, ...]:
@@ -133,14 +132,10 @@ class Judge:
             )
 
 
-def calibrated(p: Tensor, views: Tensor, calibration: Mapping[str, Curve], names: tuple[str, str] = VIEWS) -> Tensor:
-    """(G,) f64: how often grasps hold of which p (G,) was said, in clouds of `views` (G,) images; see `Judge`.
-
-    Args:
-        names: of the curves of one view and of several.
-    """
+def calibrated(p: Tensor, views: Tensor, calibration: Mapping[str, Curve]) -> Tensor:
+    """(G,) f64: how often grasps hold of which p (G,) was said, in clouds of `views` (G,) images; see `Judge`."""
     said = p.double().clone()
-    for name, of in zip(names, (views <= 1, views > 1), strict=True):
+    for name, of in zip(VIEWS, (views <= 1, views > 1), strict=True):
         if name in calibration:
             low, high, shift = calibration[name]
             its = said[of].clamp(_EDGE, 1 - _EDGE)
@@ -237,11 +232,10 @@ def _document(path: Path) -> dict[str, Any]:
         if not isinstance(document.get(key), kind):
             raise InputError(f"{path}: expected {key}, got {document.get(key)!r}")
     curves = document.get("calibration")
-    if not isinstance(curves, dict) or not all(
-        name in (*VIEWS, *SCENE_VIEWS) and _rising(curve) for name, curve in curves.items()
-    ):
-        names = "; ".join((*VIEWS, *SCENE_VIEWS))
-        raise InputError(f"{path}: expected calibration of {names}: two slopes > 0 and a shift; got {curves}")
+    if not isinstance(curves, dict) or not all(name in VIEWS and _rising(curve) for name, curve in curves.items()):
+        raise InputError(
+            f"{path}: expected calibration of {', '.join(VIEWS)}: two slopes > 0 and a shift; got {curves}"
+        )
     for key, room in _SETTINGS.items():
         try:
             typed(room, document["settings"].get(key, {}))

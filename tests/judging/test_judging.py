@@ -149,15 +149,16 @@ def test_the_same_call_gives_the_same_judge_and_tries_nothing_again(
 def test_scenes_teach_and_their_trials_teach_again(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The judge of single objects is the same; the table of the trials gives the very judge, without physics."""
+    """The judge of single objects is the same, and with the table of the trials it is taught again, without physics."""
     monkeypatch.chdir(place)
     run = "outputs/judge/latest"
-    given = ["objects=objects", f"trials={run}/trials", f"own_trials={run}/own_trials", "+context=tabletop", *SCENES]
+    given = [f"trials={run}/trials", f"own_trials={run}/own_trials"]
+    scenes = ["objects=objects", "+context=tabletop", *SCENES]
     (first := tmp_path / "first").mkdir()
     (second := tmp_path / "second").mkdir()
-    learn(config(*given), first)
+    learn(config(*scenes, *given), first)
     monkeypatch.setattr("spgf_torch.judging.scene_rounds.Attempts", None)
-    learn(config(*given, f"scene_trials={first}/scene_trials.parquet"), second)
+    learn(config(*scenes, f"known={run}", f"scene_trials={first}/scene_trials.parquet"), second)
     assert (first / "judge.safetensors").read_bytes() == (second / "judge.safetensors").read_bytes()
     old, new = load_judge(place / run), load_judge(first)
     assert new.knows_scenes and not old.knows_scenes and set(new.calibration) >= set(old.calibration) == {"one", "more"}
