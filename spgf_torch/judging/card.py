@@ -75,8 +75,8 @@ Tables full of things, other than those that it learned in: what the judge of si
 learned in scenes chose in the same clouds, executed; percent. Gain: of the share of the best that succeed, paired by
 scene, with 95 % intervals over scenes.
 
-| cloud | ranked by | best | first | predicted | AUC | ECE | gain |
-|---|---|---|---|---|---|---|---|
+| cloud | ranked by | best | first | predicted | AUC | ECE | Brier | gain |
+|---|---|---|---|---|---|---|---|---|
 {rows}
 
 """

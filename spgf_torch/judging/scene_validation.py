@@ -9,7 +9,7 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from spgf_torch.evaluation.reliability import reliability
+from spgf_torch.evaluation.reliability import brier, reliability
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.scene_benches import KINDS
 from spgf_torch.judging.scene_rounds import OBJECT, SCENE
@@ -18,25 +18,32 @@ from spgf_torch.judging.validation import auc
 
 
 def compared(trials: SceneTrials, config: JudgeConfig) -> dict[str, Any]:
-    """Of what judges of either sort chose in the same clouds: rates, and their difference, paired by scene."""
+    """Of what judges of either sort chose in the same clouds: rates, and their difference, paired by scene.
+
+    Of each number of views in scenes of each kind and in all.
+    """
     assert config.context is not None  # there are trials in scenes
     found: dict[str, Any] = {}
     for index, views in enumerate(config.context.views):
-        for kind, name in enumerate(KINDS):
-            its = trials.at((trials.cloud == index) & (trials.kind == kind))
-            if not len(its):
-                continue
-            each = {who: its.at(its.by == who) for who in (OBJECT, SCENE)}
-            rates = {who: _by_scene(chosen) for who, chosen in each.items()}
-            both = sorted(set(rates[OBJECT]) & set(rates[SCENE]))
-            gain = np.array([rates[SCENE][scene] - rates[OBJECT][scene] for scene in both])
-            found[f"{views} view{'s' * (views > 1)}, {name}"] = {
-                "scenes": len(both),
-                **{PROPOSERS[who]: _rates(chosen, rates[who]) for who, chosen in each.items()},
-                "gain": float(gain.mean()),
-                "gain_interval95": _interval(gain, config),
-            }
+        of_views = trials.at(trials.cloud == index)
+        for kind, name in enumerate((*KINDS, "all")):
+            its = of_views if name == "all" else of_views.at(of_views.kind == kind)
+            if len(its):
+                found[f"{views} view{'s' * (views > 1)}, {name}"] = _paired(its, config)
     return found
+
+
+def _paired(trials: SceneTrials, config: JudgeConfig) -> dict[str, Any]:
+    each = {who: trials.at(trials.by == who) for who in (OBJECT, SCENE)}
+    rates = {who: _by_scene(chosen) for who, chosen in each.items()}
+    both = sorted(set(rates[OBJECT]) & set(rates[SCENE]))
+    gain = np.array([rates[SCENE][scene] - rates[OBJECT][scene] for scene in both])
+    return {
+        "scenes": len(both),
+        **{PROPOSERS[who]: _rates(chosen, rates[who]) for who, chosen in each.items()},
+        "gain": float(gain.mean()),
+        "gain_interval95": _interval(gain, config),
+    }
 
 
 def scenes_table(results: Mapping[str, Any]) -> Table:
@@ -47,7 +54,7 @@ def scenes_table(results: Mapping[str, Any]) -> Table:
         box=box.SIMPLE_HEAD,
     )
     table.add_column("")
-    for heading in ("ranked by", "best", "first", "predicted", "AUC", "ECE", "gain"):
+    for heading in ("ranked by", "best", "first", "predicted", "AUC", "ECE", "Brier", "gain"):
         table.add_column(heading, justify="right", no_wrap=True)
     for row in scene_lines(results):
         table.add_row(*row)
@@ -63,15 +70,15 @@ def scene_lines(results: Mapping[str, Any]) -> list[list[str]]:
         for who in (OBJECT, SCENE):
             its = block[PROPOSERS[who]]
             shares = [f"{100 * its[key]:.1f}" for key in ("best", "first", "predicted")]
-            quality = [f"{its['auc']:.3f}", f"{its['ece']:.3f}"]
+            quality = [f"{its[key]:.3f}" for key in ("auc", "ece", "brier")]
             lines.append([name, PROPOSERS[who], *shares, *quality, gain if who == SCENE else ""])
     return lines
 
 
 def _by_scene(trials: SceneTrials) -> dict[int, float]:
-    return {
-        scene: float(trials.success[trials.scene == scene].double().mean()) for scene in trials.scene.unique().tolist()
-    }
+    """Of each scene, by a number of its own, the share that succeeded."""
+    number = trials.scene * len(KINDS) + trials.kind
+    return {scene: float(trials.success[number == scene].double().mean()) for scene in number.unique().tolist()}
 
 
 def _rates(trials: SceneTrials, by_scene: Mapping[int, float]) -> dict[str, float]:
@@ -82,6 +89,7 @@ def _rates(trials: SceneTrials, by_scene: Mapping[int, float]) -> dict[str, floa
         "predicted": float(p.mean()),
         "auc": auc(p, success),
         "ece": reliability(p, success).ece,
+        "brier": brier(p, success),
         "trials": len(trials),
     }
 

@@ -110,13 +110,13 @@ def test_a_table_comes_back_as_it_was(tmp_path: Path) -> None:
 def test_judges_are_compared_in_the_same_scenes() -> None:
     """Both of the scene judge's hold, one of the other's two, which was said to hold less likely."""
     found = compared(trials(), MADE)
-    assert set(found) == {"1 view, pile"}
+    assert set(found) == {"1 view, pile", "1 view, all"} and found["1 view, all"] == found["1 view, pile"]
     block = found["1 view, pile"]
     assert block["scenes"] == 3 and block["gain"] == 0.5 and block["gain_interval95"] == [0.5, 0.5]
     old, new = block["object judge"], block["scene judge"]
     assert (old["best"], old["first"], new["best"], new["first"]) == (0.5, 1.0, 1.0, 1.0)
     assert old["auc"] == 1.0 and old["ece"] == pytest.approx((0.2 + 0.6) / 2) and old["trials"] == 6
-    assert scene_lines(found)[1] == [
+    told = [
         "1 view, pile",
         "scene judge",
         "100.0",
@@ -124,8 +124,10 @@ def test_judges_are_compared_in_the_same_scenes() -> None:
         "80.0",
         "0.500",
         "0.200",
+        "0.040",
         "+50.0 (+50.0 to +50.0)",
     ]
+    assert scene_lines(found)[1] == told
     assert new["auc"] == 0.5 and new["ece"] == pytest.approx(0.2) and new["predicted"] == pytest.approx(0.8)
 
 
