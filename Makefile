@@ -60,7 +60,7 @@ trials: $(READY)
 # The committed judges, each with the trials that it was learned from (half an hour on two cores).
 judges: $(READY)
 	rm -rf data/judge
-	$(BIN)/python -m spgf_torch.judge hand=panda hydra.run.dir=data/judge/panda
+	$(BIN)/python -m spgf_torch.judge hand=panda +context=tabletop hydra.run.dir=data/judge/panda
 	$(BIN)/python -m spgf_torch.judge hand=sdh2 trials=data/trials hydra.run.dir=data/judge/sdh2
 
 # Readers of files, with changed bytes, for so many seconds (tests/fuzz).
