@@ -20,6 +20,7 @@ class NeighboursConfig:
     unseen_depth: float = bounded(0.0, 1.0)
     unseen_cell: float = bounded(0.002, 0.05)
     unseen_on_way: bool = MISSING
+    unseen_weight: float = bounded(0.0, 1.0)
     seeds: int = bounded(1, 100_000)
     judged: int = bounded(1, 1_000_000)
     voters: int = bounded(1, 1_000_000)

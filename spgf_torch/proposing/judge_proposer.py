@@ -30,12 +30,14 @@ class Ranked:
     """Grasps in order, the best first: poses (G), probability (G,) f32 that they hold when executed.
 
     Attributes:
+        score (G,) f32: what orders them: the probability, among neighbours less in unseen space (`seen_weight`).
         factors (G, 2) f64: of a judge P(free) and P(holds | free), whose product that is; None of another ranking.
         numbers: what it knew of each; () of another ranking.
     """
 
     poses: Hypotheses
     probability: Tensor
+    score: Tensor
     factors: Tensor | None = None
     numbers: tuple[Numbers, ...] = ()
 
@@ -72,16 +74,16 @@ class JudgedProposer:
         names = self.search.clearance.grasp_types
         if (proposer := self.proposer) is None:
             none = torch.zeros(len(found.poses), dtype=torch.int64)
-            score, no_votes = found.probability, ((),) * len(none)
-            its = found.poses.T, found.poses.grasp_type, names, score, score
+            its = found.poses.T, found.poses.grasp_type, names, found.probability, found.score
+            no_votes = ((),) * len(none)
             return Proposals(*its, none, no_votes, found.factors)
         device = proposer.model.centres.device
         T, grasp_type = found.poses.T.to(device), found.poses.grasp_type.to(device)
         votes = proposer.votes(T, grasp_type, proposer.voters(proposer.described(seen.texlets)))
-        score = found.probability.to(device)
+        probability, score = found.probability.to(device), found.score.to(device)
         support = torch.bincount(votes.grasp, minlength=len(T))
         voted_by = tuple(votes_by_prototype(votes, len(T)))
-        its = T, grasp_type, names, score, score
+        its = T, grasp_type, names, probability, score
         return Proposals(*its, support, voted_by, found.factors, found.numbers)
 
 
@@ -99,14 +101,28 @@ def ranked(judge: Judge, search: Search, config: ProposingConfig, seen: Seen, ar
     scene = config.neighbours is not None and judge.knows_scenes and bool(seen.views)
     both = judge.both_in_scene(numbers) if scene else judge.both(numbers, images=bool(seen.views))
     factors = torch.stack(both, dim=1)
-    kept = best_indices(seen, hypotheses, score := factors.prod(1).float(), search, config)
+    probability = factors.prod(1).float()
+    score = probability * seen_weight(hypotheses, search, config, around)
+    kept = best_indices(seen, hypotheses, score, search, config)
     usual = numbers.median(0).values if len(numbers) else numbers
     known = tuple(Numbers(numbers[i], usual, bool(seen.views), scene) for i in kept.tolist())
-    return Ranked(hypotheses.at(kept), score[kept], factors[kept], known)
+    return Ranked(hypotheses.at(kept), probability[kept], score[kept], factors[kept], known)
+
+
+def seen_weight(
+    hypotheses: Hypotheses, search: Search, config: ProposingConfig, around: Surroundings
+) -> Tensor | float:
+    """(H,) f32: what of a probability counts in the order, less where the hand reaches into unseen space."""
+    if config.neighbours is None:
+        return 1.0
+    clear = search.clearance.free_of_hidden(around.hidden, hypotheses.T, hypotheses.grasp_type)
+    return torch.where(clear, 1.0, config.neighbours.unseen_weight)
 
 
 def candidates(search: Search, config: ProposingConfig, seen: Seen, around: Surroundings) -> Hypotheses:
     """What a judge weighs: hypotheses within the images, clear of borders, among neighbours of one thing if any is."""
+    if config.neighbours is not None and config.neighbours.unseen_weight > 0:
+        around = replace(around, hidden=around.hidden[:0])
     hypotheses = search.hypotheses(seen.texlets, around)
     hypotheses = hypotheses.at(in_images(seen, hypotheses, search))
     clear = clear_of_borders(around.borders, hypotheses.T, hypotheses.grasp_type, search.clearance.regions)
@@ -119,7 +135,7 @@ def candidates(search: Search, config: ProposingConfig, seen: Seen, around: Surr
 def best_of(seen: Seen, hypotheses: Hypotheses, score: Tensor, search: Search, config: ProposingConfig) -> Ranked:
     """The highest scores (H,) f32, no two of the same grasp, at most `config.count` of each type."""
     kept = best_indices(seen, hypotheses, score, search, config)
-    return Ranked(hypotheses.at(kept), score[kept])
+    return Ranked(hypotheses.at(kept), score[kept], score[kept])
 
 
 def best_indices(seen: Seen, hypotheses: Hypotheses, score: Tensor, search: Search, config: ProposingConfig) -> Tensor:

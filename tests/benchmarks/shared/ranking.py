@@ -97,12 +97,12 @@ def at_random(search: Search, cloud: Cloud) -> Ranked:
     found = found.at(in_images(cloud.seen, found, search))
     seed = zlib.crc32(cloud.seen.texlets.positions.numpy().tobytes())
     order = torch.randperm(len(found), generator=torch.Generator().manual_seed(seed))
-    return Ranked(found.at(order), torch.zeros(len(found)))
+    return Ranked(found.at(order), none := torch.zeros(len(found)), none)
 
 
 def voted(proposer: Proposer, cloud: Cloud) -> Ranked:
     grasps = proposer.propose(cloud.seen.texlets, cloud.around)
-    return Ranked(Hypotheses(grasps.T_object_tcp, grasps.grasp_type), grasps.probability)
+    return Ranked(Hypotheses(grasps.T_object_tcp, grasps.grasp_type), grasps.probability, grasps.score)
 
 
 def rank(who: Peers, sensed: Sequence[Sensed]) -> dict[str, list[Timed]]:
@@ -128,7 +128,7 @@ def by_network(network: ContactGraspNet, search: Search, sensed: Sequence[Sensed
         poses = Hypotheses(found.T, torch.full((len(found.T),), WIDE))
         start = time.process_time()
         free = search.free(poses.T, poses.grasp_type, each.cloud.seen.texlets.positions.float(), each.cloud.around)
-        without = Ranked(poses.at(free), found.confidence[free])
+        without = Ranked(poses.at(free), found.confidence[free], found.confidence[free])
         left.append(Timed(without, found.seconds + time.process_time() - start))
-        all_of_it.append(Timed(Ranked(poses, found.confidence), found.seconds))
+        all_of_it.append(Timed(Ranked(poses, found.confidence, found.confidence), found.seconds))
     return all_of_it, left
