@@ -61,7 +61,7 @@ trials: $(READY)
 judges: $(READY)
 	rm -rf data/judge
 	$(BIN)/python -m spgf_torch.judge hand=panda +context=tabletop hydra.run.dir=data/judge/panda
-	$(BIN)/python -m spgf_torch.judge hand=sdh2 trials=data/trials hydra.run.dir=data/judge/sdh2
+	$(BIN)/python -m spgf_torch.judge hand=sdh2 trials=data/trials +context=tabletop hydra.run.dir=data/judge/sdh2
 
 # Readers of files, with changed bytes, for so many seconds (tests/fuzz).
 FUZZ_SECONDS ?= 300
