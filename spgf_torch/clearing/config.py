@@ -31,6 +31,7 @@ class ClutterConfig(ObjectsConfig):
     table: str = choice(GIVEN, FIND)
     failures: int = bounded(1, 1000)
     remember: bool = MISSING
+    least_probability: float = bounded(0.0, 1.0)
     film: int | None = bounded(0, 100_000)
     cgn: str | None = text()
     beside: list[str] | None = text()

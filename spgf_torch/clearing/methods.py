@@ -72,9 +72,10 @@ class Method(Protocol):
 
 @dataclass(frozen=True)
 class Ours:
-    """What was learned plans."""
+    """What was learned plans, and tries no grasp that is less likely to hold than `least`."""
 
     predictor: Predictor
+    least: float
 
     @staticmethod
     def of(folders: tuple[str, str], config: ClutterConfig) -> Ours:
@@ -85,11 +86,12 @@ class Ours:
         if (its := learned.settings["hand"]) != plain(config.hand):
             other = " of other settings" if its["name"] == config.hand.name else ""
             raise InputError(f"model: expected one of hand={config.hand.name}, got one of {its['name']}{other}")
-        return Ours(found)
+        return Ours(found, config.least_probability)
 
     def choose(self, sensed: Sensed, avoid: np.ndarray) -> Chosen | None:
         found = self.predictor.predict(sensed.scene, 1, avoid=avoid)
-        return Chosen(found[0].type, found[0].T_input_tcp, found[0].probability) if found else None
+        best = next((grasp for grasp in found if grasp.probability >= self.least), None)
+        return None if best is None else Chosen(best.type, best.T_input_tcp, best.probability)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Objects that stand packed or lie in a pile on a table, at rest: the scenes of clutter.
 
-The protocol is VGN's and GIGA's (src/vgn/simulation.py of either); its numbers are in conf/arrangement. A scene follows
+The protocol is VGN's and GIGA's (the simulation.py of either); its numbers are in conf/arrangement. A scene follows
 from the objects, whatever their order, its seed and the settings alone.
 """
 
