@@ -83,7 +83,7 @@ def test_without_a_pair_there_is_no_auc(held):
     """Both held, or both failed, at 0.75 and 0.25: no order to be right or wrong, but an error of 0.5 on average."""
     results = clutter_results([scene(0, [held, held], causes=["missed", "missed"], probability=0.75)], config())
     assert results["probability"]["auc"] is None and results["probability"]["ece"] == pytest.approx(0.5)
-    cells = [list(column.cells)[0] for column in clutter_table(results).columns]
+    cells = [next(iter(column.cells)) for column in clutter_table(results).columns]
     assert cells[5:7] == ["-", "0.50"]
 
 
