@@ -10,17 +10,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from omegaconf import OmegaConf
-
 from spgf_torch.clearing.config import ClutterConfig
 from spgf_torch.clearing.learned import Learned
 from spgf_torch.cli.command import run_command
-from spgf_torch.cli.run_folder import SETTINGS
 from spgf_torch.errors import IncompleteError
 from spgf_torch.extras import installed, remedy
 from spgf_torch.files.given_paths import check_folder
 from spgf_torch.progress import ProgressReporter, show
-from spgf_torch.settings import plain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,8 +39,6 @@ def run(config: ClutterConfig, folder: Path) -> None:
     from spgf_torch.clearing.scene_files import SceneFiles
     from spgf_torch.clearing.session import check_method, cleared, scene_tasks, write_files, write_pictures
     from spgf_torch.clearing.tables import cause_lines, clutter_table
-    from spgf_torch.files.digests import sealed_yaml
-    from spgf_torch.files.writing import write_bytes
     from spgf_torch.handcheck.standing import tried_hand
 
     stages, others = ProgressReporter(), [OtherRun.read(other) for other in config.beside or ()]
@@ -58,7 +52,6 @@ def run(config: ClutterConfig, folder: Path) -> None:
     parts = [[obj.digest for obj in objects], learned.digests()]
     files = SceneFiles(out, made_with(config, parts), {obj.name: obj for obj in objects})
     with files.open():
-        write_bytes(out / SETTINGS, sealed_yaml(OmegaConf.to_yaml(OmegaConf.create(plain(config)))))
         scenes, died = cleared(tasks, files, config, stages)
         results = write_files(scenes, others, config, out)
         pictures = write_pictures(scenes, results, others, hand, out)

@@ -175,6 +175,7 @@ _WORDS = {
     r"^Incompatible value '(.*)' for field of type '(\w+)'$": r"expected a value of type \2, got \1",
     r"^Cannot convert '(\w+)' to string: '(.*)'$": r"expected text, got \2",
     r"^field '(\w+)' is not Optional$": r"\1: expected a value, got none",
+    r"^Invalid value assigned: \w+ is not a ListConfig, list or tuple\.$": "expected a list, as [A,B]; got one value",
     r"^Object of unsupported type: '(\w+)'$": r"expected keys and values, got \1",
     r"^Invalid type assigned: \w+ is not a subclass of (\w+)\. value: (.*)$": r"expected keys of \1, got \2",
 }

@@ -9,6 +9,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from spgf_torch.affordance.config import AffordanceConfig
+from spgf_torch.clearing.config import ClutterConfig
 from spgf_torch.cli.command import slug
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
@@ -143,6 +144,11 @@ def test_wrong_settings_are_told_in_one_line(override: str, words: list[str]) ->
     with pytest.raises(InputError) as error:
         typed(TrainConfig, values)
     assert "\n" not in str(error.value) and all(word in str(error.value) for word in words)
+
+
+def test_one_value_in_the_place_of_a_list_is_told() -> None:
+    with pytest.raises(InputError, match=r"^beside: expected a list, as \[A,B\]; got one value$"):
+        typed(ClutterConfig, composed("clutter", "beside=folder"))
 
 
 def test_slug_is_a_folder_name() -> None:

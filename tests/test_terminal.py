@@ -101,6 +101,20 @@ def test_a_signal_ends_a_run_in_order(number: int, toy: Path) -> None:
     assert not list((toy / "outputs/report").glob("2*"))
 
 
+def test_a_signal_within_the_import_of_a_compiled_module_ends_in_one_line(toy: Path) -> None:
+    """Such a module makes an ImportError of whatever is raised in its initialization, as SAPIEN's does."""
+    raised = """    try:
+        signal.raise_signal(signal.SIGTERM)
+    except BaseException as error:
+        raise ImportError("initialization failed") from error
+"""
+    text = TOY.replace("import sys, time", "import signal, sys, time")
+    text = text.replace("    for i in range(2000):", raised + "    for i in []:")
+    (toy / "toy.py").write_text(text)
+    done = python("toy.py", cwd=toy)
+    assert (done.returncode, done.stderr) == (143, "report: ended by SIGTERM\n")
+
+
 def test_the_commands_and_the_version(tmp_path: Path) -> None:
     listed = python("-m", "spgf_torch", cwd=tmp_path)
     assert listed.returncode == 0 and all(f"\n  {name}" in listed.stdout for name in ("predict", "train", "baseline"))

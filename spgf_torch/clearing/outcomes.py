@@ -110,17 +110,20 @@ def causes(scenes: Sequence[ClearedScene]) -> dict[str, int]:
     return dict(sorted(failed.items(), key=lambda item: (-item[1], item[0])))
 
 
-def foretold(scenes: Sequence[ClearedScene], config: ClutterConfig) -> dict[str, float] | None:
+def foretold(scenes: Sequence[ClearedScene], config: ClutterConfig) -> dict[str, float | None] | None:
     """How far the probability of executed grasps can be trusted; None of a method that foretells none.
 
-    AUC: how often of two grasps the one that held had the higher; ECE: expected calibration error.
+    AUC: how often of two grasps the one that held had the higher, None where all or none held; ECE: expected
+    calibration error.
     """
     if config.method not in (OURS, NETWORK):
         return None
     each = [tried for scene in scenes for tried in scene.round.attempts]
     p, success = np.array([tried.probability for tried in each]), np.array([tried.success for tried in each], bool)
-    found = {"mean": float(p.mean()) if len(p) else 0.0, "auc": auc(p, success), "brier": brier(p, success)}
-    return {**found, "ece": reliability(p, success).ece}
+    if not len(p):
+        return dict.fromkeys(("mean", "auc", "brier", "ece"))
+    order = auc(p, success) if 0 < success.sum() < len(success) else None
+    return {"mean": float(p.mean()), "auc": order, "brier": brier(p, success), "ece": reliability(p, success).ece}
 
 
 def median_seconds(scenes: Sequence[ClearedScene]) -> dict[str, float]:

@@ -27,6 +27,11 @@ from spgf_torch.simulation.attempts import Attempts
 from spgf_torch.simulation.execute import versions
 from spgf_torch.simulation.worker_process import WorkerDiedError, WorkerProcess, limited
 
+# Settings on which no scene depends; objects are told apart by what they are.
+NOT_OF_SCENES = frozenset(
+    ("scenes", "workers", "out", "bootstrap", "time_limit", "cache", "cache_gb", "objects", "skip_bad", "beside")
+)
+
 
 @dataclass(frozen=True)
 class SceneTask:
@@ -112,6 +117,5 @@ _benches: dict[str, Bench] = {}
 
 def made_with(config: ClutterConfig, parts: Any) -> str:
     """Fingerprint of all settings that a scene depends on, of the program, and of further parts."""
-    how = {"scenes", "workers", "out", "bootstrap", "time_limit", "cache", "cache_gb", "objects", "skip_bad", "beside"}
-    settings = {key: value for key, value in plain(config).items() if key not in how}
+    settings = {key: value for key, value in plain(config).items() if key not in NOT_OF_SCENES}
     return fingerprint(settings, versions(), code_fingerprint(__name__), parts)

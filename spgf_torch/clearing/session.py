@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import closing
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
+
+from omegaconf import OmegaConf
 
 from spgf_torch.clearing.comparison import OtherRun, beside, beside_lines
 from spgf_torch.clearing.config import NETWORK, OURS, ClutterConfig
@@ -13,28 +15,40 @@ from spgf_torch.clearing.contact_graspnet import ContactGraspNet
 from spgf_torch.clearing.learned import Learned
 from spgf_torch.clearing.methods import Ours
 from spgf_torch.clearing.outcomes import RESULTS, attempt_rows, clutter_results, csv_text, rates, scene_row
-from spgf_torch.clearing.processes import SceneTask, cleared_scenes
+from spgf_torch.clearing.processes import NOT_OF_SCENES, SceneTask, cleared_scenes
 from spgf_torch.clearing.rounds import ClearedScene
 from spgf_torch.clearing.scene_files import SceneFiles
 from spgf_torch.clearing.tables import cause_lines, causes_picture
 from spgf_torch.drawing.clutter_page import write_clutter_page
 from spgf_torch.drawing.clutter_records import Summary
 from spgf_torch.drawing.film import write_film
+from spgf_torch.errors import InputError
 from spgf_torch.evaluation.files import rounded
 from spgf_torch.extras import installed
-from spgf_torch.files.digests import sealed_json
+from spgf_torch.files.digests import sealed_json, sealed_yaml
+from spgf_torch.files.reading import yaml_values
 from spgf_torch.files.writing import write_bytes, write_text
 from spgf_torch.hands.hand import Hand
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter, console
+from spgf_torch.settings import plain
+from spgf_torch.simulation.arrangements import fitting
 
 ATTEMPTS, PER_SCENE, CAUSES = "attempts.csv", "scenes.csv", "causes.png"
 PAGE, FILM = "index.html", "film.gif"
+SETTINGS = "config.yaml"
 
 
 def scene_tasks(config: ClutterConfig, learned: Learned, objects: Sequence[GraspObject]) -> list[SceneTask]:
-    """The scenes in order: number k has the seed `config.seed` + k, and its objects are of the pool of that number."""
+    """The scenes in order: number k has the seed `config.seed` + k, and its objects are of the pool of that number.
+
+    Raises InputError for pools from which no scene can be arranged, and for a film of none of the scenes.
+    """
+    if config.film is not None and config.film >= config.scenes:
+        raise InputError(f"film: expected a scene from 0 to {config.scenes - 1}, or null; got {config.film}")
     pools = learned.pools(objects)
+    for _, pool in pools:
+        fitting(pool, config.arrangement)
     tasks = []
     for number in range(config.scenes):
         seed = config.seed + number
@@ -64,9 +78,11 @@ def cleared(
 ) -> tuple[list[ClearedScene], list[str]]:
     """All scenes that have an end, in order, kept ones and those cleared now; and a line on each that has none.
 
-    Interrupted, it says what is kept.
+    The settings are written beside them. Interrupted, it says what is kept. Raises InputError where kept scenes were
+    made with other settings.
     """
-    done = {task.number: scene for task in tasks if (scene := files.read(task.number)) is not None}
+    done = _kept(tasks, files, config)
+    write_bytes(files.folder / SETTINGS, sealed_yaml(OmegaConf.to_yaml(OmegaConf.create(plain(config)))))
     died: dict[int, str] = {}
     left = [task for task in tasks if task.number not in done]
     if done and left:
@@ -86,6 +102,33 @@ def cleared(
             console.print(f"{kept}: the same call with out={files.folder} goes on")
         raise
     return [done[number] for number in sorted(done)], [died[number] for number in sorted(died)]
+
+
+def _kept(tasks: Sequence[SceneTask], files: SceneFiles, config: ClutterConfig) -> dict[int, ClearedScene]:
+    """Number -> finished scene. Raises InputError for those of other settings, with the first that differs."""
+    try:
+        return {task.number: scene for task in tasks if (scene := files.read(task.number)) is not None}
+    except InputError as error:
+        raise _changed(files.folder, config) or error from None
+
+
+def _changed(folder: Path, config: ClutterConfig) -> InputError | None:
+    """That a setting is not that of the kept scenes; None where none is known to differ, as of another version."""
+    with suppress(InputError):
+        before = dict(_flat(yaml_values(folder / SETTINGS, "settings of clutter", sealed=True)))
+        for key, got in _flat(plain(config)):
+            if key.split(".")[0] not in NOT_OF_SCENES and key in before and before[key] != got:
+                return InputError(f"{key}: expected {before[key]}, as the scenes kept in {folder} have; got {got}")
+    return None
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Settings as (dotted key, value)."""
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
 
 
 def write_files(

@@ -25,8 +25,8 @@ def clutter_table(results: Mapping[str, Any]) -> Table:
     )
     for heading in ("scenes", "objects", "grasps", "GSR %", "DR %", "AUC", "ECE", "plan s"):
         table.add_column(heading, justify="right", no_wrap=True)
-    said = results["probability"]
-    foretold = ("-", "-") if said is None else (f"{said['auc']:.2f}", f"{said['ece']:.2f}")
+    said = results["probability"] or {}
+    foretold = ("-" if said.get(key) is None else f"{said[key]:.2f}" for key in ("auc", "ece"))
     numbers = (str(results[key]) for key in ("scenes", "objects", "attempts"))
     shares = (percent(share_in(results, key)) for key in ("gsr", "dr"))
     table.add_row(*numbers, *shares, *foretold, f"{results['seconds']['planning']:.2f}")

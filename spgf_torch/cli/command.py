@@ -126,6 +126,8 @@ def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: 
         except (InputError, IncompleteError) as error:
             refused.append(error)  # printed later, without Hydra's extra line
         except (MemoryError, ImportError, RuntimeError, OSError) as error:
+            if isinstance(error.__cause__, KeyboardInterrupt):
+                raise error.__cause__ from None  # of the import of a compiled module: it makes an ImportError of them
             if not _no_memory(error):
                 raise
             refused.append(IncompleteError(NO_MEMORY))

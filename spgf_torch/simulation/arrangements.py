@@ -19,7 +19,7 @@ from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.simulation.clutter_config import PACKED, ArrangementConfig
 from spgf_torch.simulation.tabletop import Known, Placed, Tabletop, surface
 
-__all__ = ["Placed", "arranged", "inside", "rested", "settled", "stands"]
+__all__ = ["Placed", "arranged", "fitting", "inside", "rested", "settled", "stands"]
 
 FOOT = 0.001  # m above the lowest point of an object within which a table bears it: less than a scan's noise
 ABOVE = 0.001  # m above what is below, from where objects are let go: no penetration to start with
@@ -34,12 +34,21 @@ def arranged(objects: Sequence[GraspObject], count: int, seed: int, config: Arra
     """
     rng = np.random.default_rng([seed, int(config.kind == PACKED)])
     low, high = _scale(config)
-    fitting = [obj for obj in sorted(objects, key=lambda each: each.name) if _fits(obj, config)]
-    if not fitting:
+    draw = _Draw(fitting(objects, config), rng, low, high)
+    return _packed(draw, count, config) if config.kind == PACKED else _piled(draw, count, config)
+
+
+def fitting(objects: Sequence[GraspObject], config: ArrangementConfig) -> list[GraspObject]:
+    """The objects that scenes are drawn from, by name: those that fit the workspace and stand upright (packed).
+
+    Raises InputError where there are none, or for a bad `scale`.
+    """
+    _scale(config)
+    found = [obj for obj in sorted(objects, key=lambda each: each.name) if _fits(obj, config)]
+    if not found:
         sort = "that stand upright and fit" if config.kind == PACKED else "that fit"
         raise InputError(f"objects: expected some {sort} a workspace of {config.workspace:g} m, got none")
-    draw = _Draw(fitting, rng, low, high)
-    return _packed(draw, count, config) if config.kind == PACKED else _piled(draw, count, config)
+    return found
 
 
 def settled(placed: Sequence[Placed], config: ArrangementConfig) -> tuple[Placed, ...]:

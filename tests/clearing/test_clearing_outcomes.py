@@ -59,6 +59,7 @@ def test_nothing_tried_has_no_rate():
     assert math.isnan(rates(nothing, "ours").success.value) and rates(nothing, "ours").cleared.value == 0
     assert "-" in [str(cell) for cell in clutter_table(nothing).columns[3].cells]
     assert clutter_results([], config())["attempts"] == 0
+    assert set(nothing["probability"].values()) == {None}
 
 
 def test_causes_of_failures_are_counted_the_most_frequent_first():
@@ -75,6 +76,15 @@ def test_probabilities_are_held_to_what_happened():
     # Two of 0.75, both held: 0.25 off; three of 0.25, of which a third held: 1/12 off.
     assert said["ece"] == pytest.approx(2 / 5 * 0.25 + 3 / 5 / 12)
     assert clutter_results(SCENES, config(method="antipodal"))["probability"] is None
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_without_a_pair_there_is_no_auc(held):
+    """Both held, or both failed, at 0.75 and 0.25: no order to be right or wrong, but an error of 0.5 on average."""
+    results = clutter_results([scene(0, [held, held], causes=["missed", "missed"], probability=0.75)], config())
+    assert results["probability"]["auc"] is None and results["probability"]["ece"] == pytest.approx(0.5)
+    cells = [next(iter(column.cells)) for column in clutter_table(results).columns]
+    assert cells[5:7] == ["-", "0.50"]
 
 
 def test_rows_of_attempts():

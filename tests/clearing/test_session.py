@@ -9,6 +9,8 @@ from spgf_torch.clearing import session
 from spgf_torch.clearing.learned import Learned
 from spgf_torch.clearing.outcomes import clutter_results
 from spgf_torch.clearing.scene_files import SceneFiles
+from spgf_torch.errors import InputError
+from spgf_torch.files.reading import yaml_values
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.simulation.worker_process import OVERDUE, WorkerDiedError
 
@@ -81,3 +83,32 @@ def test_an_interrupted_run_says_what_is_kept(files, monkeypatch, capsys):
         session.cleared(tasks, files, config(), ProgressReporter())
     assert f"1 of 3 scenes are kept: the same call with out={files.folder} goes on" in capsys.readouterr().err
     assert files.read(0) is not None and files.read(1) is None
+
+
+def test_kept_scenes_of_other_settings_are_refused_by_their_key_and_stay_as_they_are(files, monkeypatch):
+    """A camera more than the kept scene had; more scenes are no other settings. A new version is named by the file."""
+    tasks = ending(monkeypatch, scene(0, [True]), scene(1, [True]), scene(2, [True]))
+    session.cleared(tasks, files, config(views=2), ProgressReporter())
+    before = {path: path.read_bytes() for path in [*sorted(files.folder.glob("*/*.*")), files.folder / "config.yaml"]}
+    assert yaml_values(files.folder / "config.yaml", "settings", sealed=True)["views"] == 2
+    other = replace(files, made_with="others")
+    with pytest.raises(InputError, match=f"^views: expected 2, as the scenes kept in {files.folder} have; got 3$"):
+        session.cleared(tasks, other, config(views=3, scenes=9), ProgressReporter())
+    with pytest.raises(InputError, match=r"^attempt\.lift: expected 0\.15, .* got 0\.2$"):
+        session.cleared(tasks, other, config(views=2, **{"attempt.lift": 0.2}), ProgressReporter())
+    with pytest.raises(InputError, match=r"00000\.json: expected a scene of these settings and versions"):
+        session.cleared(tasks, other, config(views=2, scenes=9), ProgressReporter())
+    assert {path: path.read_bytes() for path in before} == before
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"film": 3}, "film: expected a scene from 0 to 2, or null; got 3"),
+        ({"arrangement.scale": [2, 1]}, "arrangement.scale: expected two numbers above 0, the smaller first"),
+        ({"arrangement.workspace": 0.05, "arrangement.kind": "pile"}, "objects: expected some that fit a workspace of"),
+    ],
+)
+def test_scenes_that_cannot_be_are_told_before_they_are_begun(changes, told):
+    with pytest.raises(InputError, match=f"^{told}"):
+        session.scene_tasks(config(scenes=3, **changes), Learned(None, None, False), OBJECTS)
