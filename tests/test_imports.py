@@ -4,9 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 import torch
-from commands import ROOT, python
+from commands import ROOT, in_turn, python
 
 from spgf_torch.affordance.calibration import uncalibrated
 from spgf_torch.affordance.config import AffordanceConfig
@@ -92,47 +91,36 @@ NOT_YET = (
     "plotly",
     "sklearn",
 )
-COUNT = """
-import runpy, sys
-sys.argv = ["command", *sys.argv[2:]]
-try:
-    runpy.run_module("spgf_torch.{command}", run_name="__main__")
-except SystemExit as left:
-    print(left.code, *[m for m in {modules!r} if m in sys.modules])
-"""
+NOT_THERE = [
+    ("predict", "input=missing.ply"),
+    ("predict", "input=[empty,empty]"),
+    ("predict", "input=model.json", "mask=missing.png"),
+    ("predict", "input=model.json", "model=missing"),
+    ("evaluate", "objects=.", "model=missing"),
+    ("train", "objects=missing"),
+    ("train", "trials=missing"),
+    ("simulate", "objects=missing"),
+    ("export", "format=isaac", "trials=missing"),
+    ("report", "runs=missing"),
+    ("compare", "runs=missing"),
+    ("baseline", "export=missing"),
+    ("train", "K=0"),
+    ("judge", "objects=missing"),
+    ("judge", "trials=missing"),
+    ("clutter", "objects=missing"),
+    ("clutter", "model=missing"),
+]
 
 
-@pytest.mark.parametrize(
-    ("command", "overrides"),
-    [
-        ("predict", ["input=missing.ply"]),
-        ("predict", ["input=[empty,empty]"]),
-        ("predict", ["input=model.json", "mask=missing.png"]),
-        ("predict", ["input=model.json", "model=missing"]),
-        ("evaluate", ["objects=.", "model=missing"]),
-        ("train", ["objects=missing"]),
-        ("train", ["trials=missing"]),
-        ("simulate", ["objects=missing"]),
-        ("export", ["format=isaac", "trials=missing"]),
-        ("report", ["runs=missing"]),
-        ("compare", ["runs=missing"]),
-        ("baseline", ["export=missing"]),
-        ("train", ["K=0"]),
-        ("judge", ["objects=missing"]),
-        ("judge", ["trials=missing"]),
-        ("clutter", ["objects=missing"]),
-        ("clutter", ["model=missing"]),
-    ],
-    ids=str,
-)
-def test_what_is_not_there_is_told_before_anything_heavy_is_loaded(
-    command: str, overrides: list[str], tmp_path: Path
-) -> None:
+def test_what_is_not_there_is_told_before_anything_heavy_is_loaded(tmp_path: Path) -> None:
+    """By none of the commands, so that one process can be asked for all."""
     (tmp_path / "empty").touch()
     (tmp_path / "model.json").write_text("{}")
-    done = python("-c", COUNT.format(command=command, modules=NOT_YET), "command", *overrides, cwd=tmp_path)
-    assert done.stdout == "2\n" and len(done.stderr.splitlines()) == 1, (done.stdout, done.stderr)
-    assert overrides[-1].partition("=")[2].strip("[]").split(",")[0].split(".")[0] in done.stderr
+    lines = [(f"spgf_torch.{command}", *overrides) for command, *overrides in NOT_THERE]
+    for line, done in zip(lines, in_turn(*lines, cwd=tmp_path, modules=NOT_YET), strict=True):
+        assert (done.returncode, done.stdout, done.loaded) == (2, "", []), (line, done)
+        assert len(done.stderr.splitlines()) == 1, (line, done)
+        assert line[-1].partition("=")[2].strip("[]").split(",")[0].split(".")[0] in done.stderr, (line, done)
 
 
 def test_importing_the_package_loads_nothing() -> None:

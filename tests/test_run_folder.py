@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from commands import python
+from commands import in_turn, python
 
 TOY = """
 import sys
@@ -45,46 +45,45 @@ def tree(folder: Path) -> dict[str, str]:
     return {str(path.relative_to(folder)): text for path, text in found.items()}
 
 
-@pytest.mark.parametrize(
-    "where",
-    [
-        ["hydra.run.dir=mine"],
-        ["hydra.run.dir=."],
-        ["hydra.run.dir=link"],
-        ["hydra.run.dir=dangling"],
-        ["hydra.run.dir=toy.py"],
-        ["hydra.run.dir=hydra", "hydra.output_subdir=.hydra"],
-        ["-m", "hydra.sweep.dir=mine"],
-        ["-m", "hydra.sweep.dir=."],
-        ["-m", "hydra.sweep.subdir=../../mine"],
-    ],
-    ids=" ".join,
-)
-def test_a_folder_with_something_in_it_is_refused(where: list[str], folder: Path) -> None:
+NOT_EMPTY = [
+    ["hydra.run.dir=mine"],
+    ["hydra.run.dir=."],
+    ["hydra.run.dir=link"],
+    ["hydra.run.dir=dangling"],
+    ["hydra.run.dir=toy.py"],
+    ["hydra.run.dir=hydra", "hydra.output_subdir=.hydra"],
+    ["-m", "hydra.sweep.dir=mine"],
+    ["-m", "hydra.sweep.dir=."],
+    ["-m", "hydra.sweep.subdir=../../mine"],
+]
+
+
+def test_a_folder_with_something_in_it_is_refused(folder: Path) -> None:
     """Before the settings are looked at, or anything is done."""
     before = tree(folder)
-    done = python("toy.py", "K=5", *where, cwd=folder)
-    after = {name: text for name, text in tree(folder).items() if not name.startswith("outputs")}
-    assert done.returncode == 2 and after == before
-    assert "new or an empty folder for the run" in done.stderr and "Traceback" not in done.stderr
+    ended = in_turn(*(["toy.py", "K=5", *where] for where in NOT_EMPTY), cwd=folder)
+    for where, done in zip(NOT_EMPTY, ended, strict=True):
+        assert done.returncode == 2 and "Traceback" not in done.stderr, where
+        assert "new or an empty folder for the run" in done.stderr, where
+    assert {name: text for name, text in tree(folder).items() if not name.startswith("outputs")} == before
 
 
 @pytest.mark.parametrize("setting", ["K=0", "seed=1"])
 def test_only_what_this_call_made_is_removed(setting: str, folder: Path) -> None:
     """An empty folder stays, a new one goes with those on the way to it, Hydra's own files with it."""
     before = tree(folder)
-    for where in (["empty"], ["new/a/b"], ["mine/new", "hydra.output_subdir=.hydra"], ["a (b), 'c'"]):
-        done = python("toy.py", setting, f"hydra.run.dir={where[0]}", *where[1:], cwd=folder)
+    places = (["empty"], ["new/a/b"], ["mine/new", "hydra.output_subdir=.hydra"], ["a (b), 'c'"])
+    given = [["toy.py", setting, f"hydra.run.dir={where}", *more] for where, *more in places]
+    for done in in_turn(*given, ["toy.py", setting], cwd=folder):
         assert done.returncode == 2 and len(done.stderr.splitlines()) == 1, done.stderr
-        assert tree(folder) == before
-    assert python("toy.py", setting, cwd=folder).returncode == 2
-    assert not (folder / "outputs").exists()
+    assert tree(folder) == before
 
 
 def test_a_folder_of_its_own_is_used(folder: Path) -> None:
     """And `latest` beside it, which is somebody else's, is not touched."""
-    for where in ("empty", "new/a", "mine/sub"):
-        done = python("toy.py", "K=5", f"hydra.run.dir={where}", cwd=folder)
+    places = ("empty", "new/a", "mine/sub")
+    ended = in_turn(*(["toy.py", "K=5", f"hydra.run.dir={where}"] for where in places), cwd=folder)
+    for where, done in zip(places, ended, strict=True):
         assert done.returncode == 0 and done.stdout == f"in {folder / where}\n", done.stderr
         assert (folder / where / "results.txt").is_file() and "K: 5" in (folder / where / "config.yaml").read_text()
     assert (folder / "latest").read_text() == "mine" and not list(folder.rglob(".latest*"))

@@ -4,7 +4,9 @@ import json
 import shutil
 import sys
 from collections.abc import Sequence
+from contextlib import chdir, redirect_stdout
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +15,6 @@ import numpy as np
 import pytest
 import torch
 import trimesh
-from commands import call
 from hydra import compose, initialize_config_dir
 from judges import quick_judge, saved
 from omegaconf import OmegaConf
@@ -22,7 +23,7 @@ import spgf_torch
 from spgf_torch.errors import InputError
 from spgf_torch.evaluate import _known, known_lines
 from spgf_torch.evaluate import run as evaluate
-from spgf_torch.experiment.config import EvaluateConfig
+from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
 from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.extras import PACKAGES
 from spgf_torch.formats.grasps_json import read_grasps
@@ -41,6 +42,7 @@ from spgf_torch.scene.scene import Scene
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings, typed
+from spgf_torch.train import run as train
 
 ROOT = Path(__file__).parents[2]
 NAMES = ("bowl_sugar", "jar_jam", "tumbler", "soap_bar", "box_tea", "egg")
@@ -66,12 +68,15 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(ROOT / f"data/objects/{name}.yaml", folder / "objects")
         shutil.copy(ROOT / f"data/trials/{name}.parquet", folder / "trials")
     shutil.copy(ROOT / "data/trials/config.yaml", folder / "trials")
-    done = call("train", "objects=objects", "trials=trials", "workers=1", *SMALL, *LEARN, cwd=folder)
-    assert done.returncode == 0, done.stderr
-    (folder / "stdout.txt").write_text(done.stdout)
+    run, told = folder / "outputs/train/latest", StringIO()
+    run.mkdir(parents=True)
+    with chdir(folder), redirect_stdout(told):
+        settled = composed("train", "objects=objects", "trials=trials", "workers=1", *SMALL, *LEARN)
+        train(typed(TrainConfig, settled), run)
+    (folder / "stdout.txt").write_text(told.getvalue())
     (folder / "alone").mkdir()
     for name in ("judge.json", "judge.safetensors"):
-        shutil.copy(folder / "outputs/train/latest" / name, folder / "alone")
+        shutil.copy(run / name, folder / "alone")
     saved(quick_judge(), folder / "judge")
     saved(quick_judge("panda"), folder / "panda")
     saved(quick_judge(sure=1.0), folder / "doubting")
@@ -97,11 +102,14 @@ def image(block: trimesh.Trimesh) -> tuple[np.ndarray, Camera]:
 DEPTH = ["input=depth.npy", "intrinsics=K.txt", "poses=pose.txt", "table=find", "model=outputs/train/latest"]
 
 
-def test_predict_ranks_by_the_judge(place: Path) -> None:
-    done = call("predict", *DEPTH, "judge=judge", "N=5", cwd=place)
-    assert done.returncode == 0, done.stderr
-    assert "judge: " in done.stdout and "unseen space from 1 depth image" in done.stdout
-    run = place / "outputs/predict/latest"
+def test_predict_ranks_by_the_judge(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(place)
+    run = tmp_path
+    predict(typed(PredictConfig, composed("predict", *DEPTH, "judge=judge", "N=5")), run)
+    told = capsys.readouterr().out
+    assert "judge: " in told and "unseen space from 1 depth image" in told
     grasps = read_grasps(run / "grasps.json")
     said = [grasp.probability for grasp in grasps]
     for grasp in grasps:

@@ -152,7 +152,7 @@ def test_a_judge_from_tables_is_that_of_the_run_to_the_bit(tmp_path: Path, monke
     Path("objects").mkdir()
     for name in OBJECTS[:2]:
         shutil.copy(ROOT / f"data/objects/{name}.yaml", "objects")
-    few = ["objects=objects", "four_views=0", "candidates=8", "best=2", "random=1", "cache=off"]
+    few = ["objects=objects", "four_views=0", "candidates=8", "best=2", "random=1", "fold_judges=false", "cache=off"]
     for run in ("first", "second"):
         Path(run).mkdir()
     learn(config(*few), Path("first"))
