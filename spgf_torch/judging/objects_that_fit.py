@@ -29,6 +29,8 @@ from spgf_torch.simulation.precheck import PreCheck
 PAIRS, APPROACHES = 200, 12
 # Where on the pads these places come to lie: shares of the way from the TCP to the pads' ends.
 ON_PADS = (0.0, 2 / 3)
+# Grasps looked at first, times those asked for: where they are enough, thousands need not be compared with each other.
+FIRST = 20
 
 
 def fits(obj: GraspObject, hand: Hand, search: Search, config: JudgeConfig) -> dict[bool, bool]:
@@ -45,17 +47,21 @@ def fits(obj: GraspObject, hand: Hand, search: Search, config: JudgeConfig) -> d
     table = Plane.of((0.0, 0.0, 1.0), float(obj.mesh.bounds[0, 2]))
     above = search.clearance.free_of_plane(table, grasps.T, grasps.grasp_type)
     return {
-        False: distinct(grasps, search, config) >= config.best,
-        True: distinct(grasps.at(above), search, config) >= config.best,
+        False: enough(grasps, search, config),
+        True: enough(grasps.at(above), search, config),
     }
 
 
-def distinct(grasps: Hypotheses, search: Search, config: JudgeConfig) -> int:
-    """How many of the grasps are no two the same."""
-    same = torch.zeros_like(grasps.grasp_type)
-    limits = config.proposing.apart, config.proposing.apart_deg
-    symmetry = search.clearance.symmetry(grasps.grasp_type)
-    return len(non_maximum_suppression(grasps.T, same, same.float(), *limits, symmetry)) if len(grasps) else 0
+def enough(grasps: Hypotheses, search: Search, config: JudgeConfig) -> bool:
+    """Whether `config.best` of the grasps are no two the same: those kept of the first ones are kept of all."""
+    for count in (min(FIRST * config.best, len(grasps)), len(grasps)):
+        its = grasps.at(torch.arange(count))
+        same = torch.zeros_like(its.grasp_type)
+        limits = config.proposing.apart, config.proposing.apart_deg
+        symmetry = search.clearance.symmetry(its.grasp_type)
+        if count and len(non_maximum_suppression(its.T, same, same.float(), *limits, symmetry)) >= config.best:
+            return True
+    return False
 
 
 def opposite_places(obj: GraspObject, friction: float) -> tuple[Tensor, Tensor]:

@@ -27,7 +27,7 @@ from spgf_torch.judging.resumable_trials import KIND, tried
 from spgf_torch.judging.rounds import choose
 from spgf_torch.judging.training_rows import PICKED, Bench, Chosen, Rows
 from spgf_torch.judging.validation import auc, calibrated_elsewhere, executed
-from spgf_torch.objects.library import load_objects
+from spgf_torch.objects.library import load_object, load_objects
 from spgf_torch.proposing.antipodal import antipodal, antipodal_score
 from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
@@ -99,7 +99,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def bench() -> tuple[Bench, Search, JudgeConfig]:
     made = config()
-    obj = next(obj for obj in load_objects(ROOT / "data/objects") if obj.name == "soap_bar")
+    obj = load_object(ROOT / "data/objects/soap_bar.yaml")
     search = Search.of(Clearance(open_hand(made.hand), 0.005, 0.015), made.hypotheses)
     return Bench.of(3, obj, training_clouds(obj, made), search), search, made
 
@@ -244,7 +244,7 @@ def test_a_round_takes_the_best_and_others(bench: tuple[Bench, Search, JudgeConf
 def test_trials_that_have_ended_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cut off after the first request, the next call tries only what is missing; a damaged entry is tried again."""
     made = config()
-    obj = next(obj for obj in load_objects(ROOT / "data/objects") if obj.name == "egg")
+    obj = load_object(ROOT / "data/objects/egg.yaml")
     trials = Trials(load_hand(made.hand), made.episode)
     far = torch.eye(4).repeat(3, 1, 1)
     far[:, 2, 3] = torch.tensor([1.0, 2, 3])
@@ -308,9 +308,9 @@ def test_what_fits_a_hand_follows_from_its_shape() -> None:
     made = config("hand=panda")
     search = Search.of(Clearance(open_hand(made.hand), 0.005, 0.015), made.hypotheses)
     names = {"ball_toy": (False, False), "book_paperback": (True, False), "soap_bar": (True, True)}
-    objects = {obj.name: obj for obj in load_objects(ROOT / "data/objects")}
     for name, (alone, table) in names.items():
-        assert fits(objects[name], load_hand(made.hand), search, made) == {False: alone, True: table}, name
+        obj = load_object(ROOT / f"data/objects/{name}.yaml")
+        assert fits(obj, load_hand(made.hand), search, made) == {False: alone, True: table}, name
 
 
 def test_calibration_is_learned_on_other_folds() -> None:

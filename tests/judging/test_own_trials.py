@@ -21,7 +21,7 @@ from spgf_torch.judging.own_trials import CHOICE, OwnProvenance, OwnTrials, read
 from spgf_torch.judging.rounds import Workshop, random_tables
 from spgf_torch.judging.settings import judge_settings
 from spgf_torch.judging.training_rows import PICKED, Chosen
-from spgf_torch.objects.library import load_objects
+from spgf_torch.objects.library import load_object
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.proposing.hypotheses import Hypotheses
 from spgf_torch.settings import plain, typed
@@ -85,7 +85,7 @@ def test_causes_of_a_robots_trials_come_back(own: OwnTrials, tmp_path: Path) -> 
 def test_random_trials_of_a_robot_can_be_read_again(tmp_path: Path) -> None:
     """With the causes that `simulate` would write, kept in the cache on the way."""
     made = config("episode=robot_fast", "candidates=3")
-    trials, obj = Trials(load_hand(made.hand), made.episode), load_objects(ROOT / "data/objects")[0]
+    trials, obj = Trials(load_hand(made.hand), made.episode), load_object(ROOT / "data/objects/apple.yaml")
     shop = Workshop(trials, None, made, Cache(tmp_path / "cache"), ProgressReporter(), InlineExecutor)  # type: ignore[arg-type]
     (table,) = random_tables([obj], shop)
     write_table(tmp_path / "table.parquet", table)

@@ -19,7 +19,7 @@ from spgf_torch.judging.scene_learning import SceneLessons, SceneRows, learn_sce
 from spgf_torch.judging.scene_rounds import OBJECT, SCENE
 from spgf_torch.judging.scene_trials import FILE, SceneTrials, read_scene_trials, write_scene_trials
 from spgf_torch.judging.scene_validation import compared, scene_lines
-from spgf_torch.objects.library import load_objects
+from spgf_torch.objects.library import load_object, load_objects
 from spgf_torch.paths import find
 from spgf_torch.proposing.clearance import Plane, Surroundings
 from spgf_torch.proposing.config import NeighboursConfig, ProposingConfig
@@ -172,7 +172,7 @@ def test_what_scenes_taught_ranks_among_neighbours_alone() -> None:
     old = quick_judge()
     new = SceneLessons(trials(), {None: learn_scenes(scene_rows(), MADE)}, {}).taught(old, None)
     hand = typed(HandConfig, OmegaConf.to_container(OmegaConf.load(find("conf/hand/sdh2.yaml"))))
-    soap = next(obj for obj in load_objects(find("data/objects")) if obj.name == "soap_bar")
+    soap = load_object(find("data/objects/soap_bar.yaml"))
     sensing = settings(SensingConfig, width=160, height=120, focal=144, cameras=1)
     texlets, views = observe_on_table(soap.mesh, surround(sensing, np.zeros(3)), sensing, np.random.default_rng(0))
     table = Plane.of((0.0, 0.0, 1.0), float(soap.mesh.bounds[0, 2]))
