@@ -3,8 +3,8 @@
     python docs/live_loop.py [RUN] [FRAMES]      RUN: a folder that train left; outputs/train/latest
 
 A simulated camera goes round a mug here. For your own, yield your clouds from `frames`: (N, 3), m, camera frame. Of a
-ROS 2 PointCloud2 they are `sensor_msgs_py.point_cloud2.read_points_numpy(message, ("x", "y", "z"))`, and in a node the
-body of the loop is the subscriber's callback with a queue of length one: frames that come too fast are dropped.
+ROS 2 PointCloud2 they are `spgf_torch.ros.clouds.read_cloud(message).points`, and in a node the body of the loop is the
+subscriber's callback with a queue of length one: frames that come too fast are dropped.
 """
 
 from __future__ import annotations

@@ -71,9 +71,11 @@ def write_files(
     from spgf_torch.formats.graspnet import write_graspnet
     from spgf_torch.formats.grasps_json import write_grasps
     from spgf_torch.formats.isaac import write_isaac
+    from spgf_torch.ros.grasps import write_moveit
 
     write_grasps(folder / "grasps.json", grasps, grippers, judge)
     write_isaac(folder / "isaac_grasp.yaml", grasps, grippers)
+    write_moveit(folder / "moveit_grasps.json", grasps, grippers)
     jaws = [grasp for grasp in grasps if grippers[grasp.type].jaw]
     write_graspnet(folder / "graspnet.npy", jaws, grippers)
     return len(grasps) - len(jaws)

@@ -74,6 +74,7 @@ def test_everything_at_once(here: Path, capsys: pytest.CaptureFixture[str]) -> N
     assert [entry["fold"] for entry in known["objects"]] == folds
     readme = Path("data/README.md").read_text()
     assert all(f"{name}/" in readme for name in FORMATS) and "not stated" in readme
+    assert "size_categories: [n<1K]" in readme.split("---\n")[1] and "license:" not in readme.split("---\n")[1]
     _the_formats_agree()
 
 

@@ -11,6 +11,7 @@ from spgf_torch.evaluation.reliability import score_table
 from spgf_torch.evaluation.results import KNOWS_MORE, chosen_words
 from spgf_torch.evaluation.success import ALL
 from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.files.card_header import card_header
 from spgf_torch.objects.config import CLASSES
 
 USE = """\
@@ -44,6 +45,7 @@ def model_card(results: Mapping[str, Any], config: TrainConfig, objects: int, tr
     """
     affordance, sensing, described = config.affordance, config.sensing, DESCRIPTORS[config.features.descriptor]
     return f"""\
+{card_header(config.hand.name, library_name="spgf_torch", pipeline_tag="robotics")}
 # Grasp model, {config.hand.name}, K = {config.K}
 
 Written by `python -m spgf_torch.train` from the run beside it; every setting is in `config.yaml`.

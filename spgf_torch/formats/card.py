@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from spgf_torch.errors import InputError
+from spgf_torch.files.card_header import card_header
 from spgf_torch.files.checks import entry
 from spgf_torch.files.digests import digest_of, sealed_json
 from spgf_torch.files.reading import json_values
@@ -32,6 +33,8 @@ OURS, NOT_STATED = "MIT", "not stated"
 CARD, README = "card.json", "README.md"
 # Settings that say where and how it was made, not what.
 PRIVATE = ("out", "overwrite", "workers", "cache", "cache_gb")
+# The Hub's classes of size, from so many samples on.
+SIZES = ((1_000_000, "1M<n<10M"), (100_000, "100K<n<1M"), (10_000, "10K<n<100K"), (1000, "1K<n<10K"), (0, "n<1K"))
 
 LAYOUT = {
     "acronym": "`acronym/GRIPPER/<Category>_<id>_<scale>.h5`: HDF5 as ACRONYM's; `joints.json` beside them",
@@ -155,6 +158,7 @@ def readme(known: dict[str, Any]) -> str:
     grasp_types = list(known["rates"]["all"])
     outcomes = ", ".join(f"{word} {count:,}" for word, count in known["outcomes"].items())
     return f"""\
+{_header(known)}
 # Grasp trials of the hand {made["hand"]}
 
 {counts["trials"]:,} simulated grasps on {counts["objects"]} objects, {counts["success"]:,} of which held; failures are
@@ -181,6 +185,19 @@ gripper in the frame of the object's mesh: +z approach, +x closing, origin at th
 are the {known["folds"]} folds of the cross-validation over objects: `splits/.../foldF/valid.txt` names the objects of
 fold F, `train.txt` the others. An `<id>` is the object's name with - for _.
 """
+
+
+def _header(known: dict[str, Any]) -> str:
+    """What the Hub reads: licence, hand, and how many trials there are, in its powers of ten."""
+    licence = None if known["license"] == NOT_STATED else known["license"]
+    hand, trials = known["trials"]["hand"], known["counts"]["trials"]
+    return card_header(
+        hand,
+        licence=licence,
+        pretty_name=f"Grasp trials of the hand {hand}",
+        task_categories=["robotics"],
+        size_categories=[next(name for least, name in SIZES if trials >= least)],
+    )
 
 
 def _shipped(config: ExportConfig) -> bool:

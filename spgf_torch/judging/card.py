@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from spgf_torch.files.card_header import card_header
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.scene_validation import scene_lines
 from spgf_torch.proposing.judge import Judge
@@ -28,6 +29,7 @@ def judge_card(judge: Judge, config: JudgeConfig, size: int) -> str:
         for known, row in block.items()
     )
     return f"""\
+{card_header(config.hand.name, library_name="spgf_torch", pipeline_tag="robotics")}
 # Judge of grasp hypotheses, {config.hand.name}
 
 Written by `python -m spgf_torch.judge`; every setting is in `config.yaml`. P(free) x P(holds | free), each as

@@ -89,7 +89,7 @@ def read_intrinsics(path: Path, image: Path | None = None) -> Intrinsics:
     values = structured(path, _NPZ)
     if not isinstance(values, dict):
         return Intrinsics(checked_K(str(path), number_array(path, values)))
-    return _of_mapping(path, _of_trajectory(path, _of_scene(path, values, image)))
+    return intrinsics_of(path, _of_trajectory(path, _of_scene(path, values, image)))
 
 
 def given_intrinsics(values: Any) -> Intrinsics:
@@ -148,7 +148,8 @@ def _of_trajectory(path: Path, values: dict[Any, Any]) -> dict[Any, Any]:
     return cameras[0]
 
 
-def _of_mapping(path: Path, values: dict[Any, Any]) -> Intrinsics:
+def intrinsics_of(path: Path, values: dict[Any, Any]) -> Intrinsics:
+    """The intrinsics of a mapping, as `read_intrinsics` gives those of a file; `path`: for errors."""
     K, inner = _matrix(path, values)
     notes: list[str] = []
     P = _plain(path, values, _PROJECTIONS, 12)

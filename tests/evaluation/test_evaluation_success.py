@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+import yaml
 from rich.console import Console
 
 from spgf_torch.affordance.config import JUDGE, NESTED, RANKINGS, AffordanceConfig
@@ -226,6 +227,7 @@ def test_the_model_card_says_what_was_measured(config: TrainConfig) -> None:
     by_paper = f"{100 * results['by_ranking']['paper']['boxes']['CG']:.1f}"
     assert card.index("Ranked as in the paper") < card.index(by_paper) < card.index("knows more than the paper's")
     assert rate in card[card.index("knows more than the paper's") :]
+    assert yaml.safe_load(card.split("---\n")[1])["pipeline_tag"] == "robotics" and card.startswith("---\n")
     assert "One seed (0)" in card and "RobWorkSim" in card and "83.8" in card
     assert "log_odds in 4 of 5 folds" in card and "| WPG, all | 0.010 | " in card and "## Limits" in card
 

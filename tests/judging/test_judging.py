@@ -117,6 +117,7 @@ def test_the_command_leaves_a_judge(place: Path) -> None:
     assert set(judge.calibration) == {"one", "more"} and judge.results["unfit"].keys() == {"alone", "on a table"}
     card, told = (run / "README.md").read_text(), (place / "stdout.txt").read_text()
     assert all(kind in card and kind in told for kind in kinds) and "top 3" in told
+    assert card.startswith("---\ntags: [robotics, ")
 
 
 def test_each_fold_has_a_judge_that_has_not_seen_its_objects(place: Path) -> None:
