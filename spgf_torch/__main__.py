@@ -1,8 +1,10 @@
-"""`python -m spgf_torch`: which commands there are."""
+"""`spgf COMMAND ...`, or `python -m spgf_torch COMMAND ...`: which commands there are, and each of them."""
 
 from __future__ import annotations
 
+import runpy
 import sys
+from difflib import get_close_matches
 
 from spgf_torch import __version__
 from spgf_torch.terminal import patient
@@ -23,26 +25,55 @@ COMMANDS = {
 }
 
 
+USAGE = "spgf COMMAND [FILE ...] [--setting VALUE | setting=VALUE ...]   (spgf COMMAND --help tells each setting)"
+
+
 def main(arguments: list[str]) -> int:
-    """Print the commands, or the version; 2 for anything else that was asked for."""
+    """Run a command, or tell which there are; 2 for anything else that was asked for."""
+    if arguments and arguments[0] in COMMANDS:
+        sys.argv = [f"spgf {arguments[0]}", *arguments[1:]]
+        runpy.run_module(f"spgf_torch.{arguments[0]}", run_name="__main__", alter_sys=True)
+        return 0
+    with patient():
+        return _tell(arguments)
+
+
+def _tell(arguments: list[str]) -> int:
+    """Print what was asked of no command: the version, a script for a shell, the commands."""
     if arguments == ["--version"]:
         print(f"spgf_torch {__version__}")
         return 0
-    if arguments and arguments not in (["--help"], ["-h"]):
-        meant = [word for word in arguments if word in COMMANDS]
-        remedy = f"python -m spgf_torch.{meant[0]}" if meant else "python -m spgf_torch lists the commands"
-        print(f"spgf_torch: {arguments[0][:200]!r}: expected no arguments; {remedy}", file=sys.stderr)
+    if arguments[:1] == ["completion"]:
+        return _complete(arguments[1:])
+    if arguments and arguments not in (["--help"], ["-h"], ["help"]):
+        near = get_close_matches(arguments[0], [*COMMANDS, "completion"], 1)
+        remedy = f"did you mean {near[0]}?" if near else "spgf --help lists them"
+        print(f"spgf: expected a command, got {arguments[0][:200]!r}; {remedy}", file=sys.stderr)
         return 2
     width = max(map(len, COMMANDS))
-    print(
-        f"spgf_torch {__version__}: python -m spgf_torch.COMMAND key=value ...   (--help shows a command's settings)\n"
-    )
+    print(f"spgf_torch {__version__}: {USAGE}\n")
     for name, words in COMMANDS.items():
         print(f"  {name:{width}}  {words}")
+    print(f"  {'completion':{width}}  a script that completes commands and options: completion bash|zsh|fish")
     return 0
 
 
+def _complete(arguments: list[str]) -> int:
+    """Print the script of a shell."""
+    from spgf_torch.cli.completion import SHELLS, script
+
+    if len(arguments) != 1 or arguments[0] not in SHELLS:
+        got = " ".join(arguments)[:200] or "none"
+        print(f"spgf completion: expected one of {', '.join(SHELLS)}; got {got}", file=sys.stderr)
+        return 2
+    print(script(arguments[0], COMMANDS), end="")
+    return 0
+
+
+def spgf() -> None:
+    """The console script: leave with the status of `main`."""
+    sys.exit(main(sys.argv[1:]))
+
+
 if __name__ == "__main__":
-    with patient():
-        status = main(sys.argv[1:])
-    sys.exit(status)
+    spgf()

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spgf_torch.cli.batch import run_each
 from spgf_torch.cli.command import run_command
+from spgf_torch.errors import InputError
 from spgf_torch.extras import installed, remedy
 from spgf_torch.files.given_paths import check_files, model_and_judge
 from spgf_torch.progress import ProgressReporter, show
@@ -123,15 +127,46 @@ def _files(folder: Path, anything: bool) -> str:
 
 
 def run(config: PredictConfig, folder: Path) -> None:
-    """Read the scene, propose grasps, write them into `folder` in every format, with a page and a picture."""
+    """Read the scene, propose grasps, write them into `folder` in every format, with a page and a picture.
+
+    Of a batch, each file has a folder in it; the model is loaded once.
+    """
+    loaded = cache(lambda: _loaded(config))
+    if not config.batch:
+        _predict(config, folder, loaded)
+        return
+    files = [str(file) for file in (config.input if isinstance(config.input, list) else [config.input])]
+    if not files:
+        raise InputError("input: expected a list of files (input=[FILE,FILE]), got an empty one")
+    model_and_judge(config.model, config.judge)
+
+    def one(file: str, place: Path) -> None:
+        show(f"{file}:")
+        _predict(replace(config, input=file), place, loaded)
+
+    run_each("predict", files, folder, one)
+
+
+def _loaded(config: PredictConfig) -> Predictor:
+    """The predictor, ready."""
+    from spgf_torch.predictor import Predictor
+
+    with ProgressReporter().stage("model", 1, "model") as advance:
+        how = (config.device, config.proposing, config.retreat, config.judge)
+        predictor = Predictor.load(config.model, *how).ready()
+        advance(1)
+    return predictor
+
+
+def _predict(config: PredictConfig, folder: Path, loaded: Callable[[], Predictor]) -> None:
+    """Grasps of one scene, with the predictor that `loaded` gives, into `folder`."""
     check_files(config, "input", "intrinsics", "poses", "mask", "segments")
     votes, judge = model_and_judge(config.model, config.judge)
 
     import numpy as np
 
     from spgf_torch.affordance.model import check_device
-    from spgf_torch.drawing.grasp_table import grasp_table
-    from spgf_torch.predictor import Predictor, sensing_of
+    from spgf_torch.predictor import sensing_of
     from spgf_torch.scene.assembly import read_scene
 
     stages = ProgressReporter()
@@ -142,10 +177,7 @@ def run(config: PredictConfig, folder: Path) -> None:
         advance(1)
     for note in scene.notes:
         show(note)
-    with stages.stage("model", 1, "model") as advance:
-        how = (config.device, config.proposing, config.retreat, config.judge)
-        predictor = Predictor.load(config.model, *how).ready()
-        advance(1)
+    predictor = loaded()
     for line in (ranking := _ranking(predictor, votes, judge, scene)):
         show(line)
     start = time.perf_counter()
@@ -158,17 +190,27 @@ def run(config: PredictConfig, folder: Path) -> None:
     left = write_files(folder, grasps, predictor.grippers, judge_head(grasps, predictor, scene, judge))
     if len(scene.texlets):
         _write_page(folder, grasps, predictor, scene, (doubts, *(ranking if judge else ())))
+    _tell(grasps, predictor, scene, config.N, (doubts, left))
+    counted = by_type(grasps, predictor.grippers)
+    show(f"{len(grasps)} grasps ({counted}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
+    show(_files(folder, bool(len(scene.texlets))))
+
+
+def _tell(
+    grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, top: int, beside: tuple[str | None, int]
+) -> None:
+    """Show the `top` first grasps, then doubts, what graspnet.npy lacks, and how many each target has."""
+    from spgf_torch.drawing.grasp_table import grasp_table
+
+    doubts, left = beside
     if grasps:
-        show(grasp_table(grasps[: config.N], predictor.names, targets=len(scene.targets) > 1))
+        show(grasp_table(grasps[:top], predictor.names, targets=len(scene.targets) > 1))
     if doubts:
         show(doubts)
     if left:
         show(f"graspnet.npy: {left} grasps left out, of types that are no two-finger jaw; the other files have them")
     for target in scene.targets if len(scene.targets) > 1 else ():
         show(f"target {target}: {sum(grasp.target == target for grasp in grasps)} grasps")
-    counted = by_type(grasps, predictor.grippers)
-    show(f"{len(grasps)} grasps ({counted}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
-    show(_files(folder, bool(len(scene.texlets))))
 
 
 if __name__ == "__main__":

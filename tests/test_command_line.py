@@ -191,7 +191,7 @@ def test_hydras_own_forms_go_on_working() -> None:
         ("predict", ["-n", "3"], ["key=value"]),
         ("predict", ["input=a", "n=3"], ["n: ", "did you mean N?"]),
         ("predict", ["input=a", "viewpoint=[0,0,0]"], ["did you mean viewpoints?"]),
-        ("predict", ["input=a", "out=b"], ["out: ", "hydra.run.dir"]),
+        ("predict", ["input=a", "out=b"], ["out: ", "unknown key"]),
         ("predict", ["input=a", "sensing.distance=3"], ["sensing.distance: ", "unknown key"]),
         ("predict", ["input=a", "+nosuch=3"], ["nosuch: "]),
         ("predict", ["input=a", "intrinsics=615,615,319.5,239.5"], ["intrinsics=[615,615,319.5,239.5]"]),

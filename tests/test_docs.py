@@ -24,7 +24,7 @@ from PIL import Image
 
 import spgf_torch
 from spgf_torch.__main__ import COMMANDS
-from spgf_torch.cli.command_line import _settings, translated
+from spgf_torch.cli.command_line import known_settings, translated
 from spgf_torch.errors import InputError
 from spgf_torch.hands.config import ClosingConfig, HandConfig, JointConfig, PreshapeConfig
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
@@ -223,7 +223,7 @@ def test_named_files_and_objects_exist(page: Path) -> None:
 @pytest.mark.parametrize("command", sorted(COMMANDS))
 def test_every_key_of_a_command_is_on_its_page(command: str) -> None:
     page = command_page(command)
-    keys = [name for name, kind in _settings(kind_of(command), "") if not is_dataclass(kind)]
+    keys = [name for name, kind in known_settings(kind_of(command), "") if not is_dataclass(kind)]
     assert keys and not [name for name in keys if f"`{name}`" not in page]
 
 

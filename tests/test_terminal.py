@@ -120,8 +120,8 @@ def test_the_commands_and_the_version(tmp_path: Path) -> None:
     assert listed.returncode == 0 and all(f"\n  {name}" in listed.stdout for name in ("predict", "train", "baseline"))
     for module in ("spgf_torch", "spgf_torch.predict"):
         assert python("-m", module, "--version", cwd=tmp_path).stdout == f"spgf_torch {__version__}\n"
-    wrong = python("-m", "spgf_torch", "predict", "input=x", cwd=tmp_path)
-    assert wrong.returncode == 2 and "python -m spgf_torch.predict" in wrong.stderr
+    wrong = python("-m", "spgf_torch", "predcit", "input=x", cwd=tmp_path)
+    assert wrong.returncode == 2 and wrong.stderr == "spgf: expected a command, got 'predcit'; did you mean predict?\n"
 
 
 def test_every_command_is_listed() -> None:

@@ -23,12 +23,16 @@ from yaml import YAMLError
 
 from spgf_torch import __version__
 from spgf_torch.cli.command_line import ALIASES, PATHS, translated
+from spgf_torch.cli.help_text import help_text
+from spgf_torch.cli.json_report import json_on_stdout
 from spgf_torch.cli.multirun import Multirun
-from spgf_torch.cli.run_folder import SETTINGS, claimed, moved, point_latest
+from spgf_torch.cli.options import as_overrides
+from spgf_torch.cli.run_folder import SETTINGS, claimed, finished, moved, point_latest
 from spgf_torch.errors import IncompleteError, InputError, one_line
 from spgf_torch.extras import install
 from spgf_torch.files.reading import reason
 from spgf_torch.paths import root
+from spgf_torch.progress import show
 from spgf_torch.settings import typed
 from spgf_torch.terminal import Ended, UnheardError, ended_by_signals, patient
 
@@ -49,12 +53,13 @@ def run_command(command: str, kind: type[T], run: Callable[[T, Path], None]) -> 
     or stdout has no room (one line, what is finished is kept); 2 unusable input (one line, no folder left); 128 and
     the signal's number if interrupted: 130, 143 or 129.
     """
-    try:
-        with patient(), ended_by_signals():
-            _enter(command, kind, run)
-    except UnheardError as error:
-        print(f"{command}: stdout: expected room to write, got {error}; results are kept", file=sys.stderr)
-        sys.exit(1)
+    with json_on_stdout(command):
+        try:
+            with patient(), ended_by_signals():
+                _enter(command, kind, run)
+        except UnheardError as error:
+            print(f"{command}: stdout: expected room to write, got {error}; results are kept", file=sys.stderr)
+            sys.exit(1)
 
 
 def _enter(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
@@ -112,7 +117,10 @@ def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: 
     if "--version" in sys.argv[1:]:
         print(f"spgf_torch {__version__}")
         return 0
-    sys.argv[1:] = translated(command, kind, sys.argv[1:])
+    if {"--help", "-h"} & set(sys.argv[1:]):
+        show(help_text(command, kind))
+        return 0
+    sys.argv[1:] = translated(command, kind, as_overrides(command, kind, sys.argv[1:]))
     refused: list[InputError | IncompleteError] = []
     multirun = Multirun.of(command)
 
@@ -198,6 +206,7 @@ def write_settings(folder: Path, config: Any) -> None:
 
 
 def _point(folder: Path) -> None:
+    finished.append(folder)
     if not moved():
         point_latest(folder)
 

@@ -61,7 +61,7 @@ ALIASES = {"as": "read_as"}
 _ELEMENT_IN_QUOTES = re.compile(r"""\s*(?:'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*")\s*(?=,|$)""", re.DOTALL)
 MOST_COMMAS = 20  # pieces between commas that may belong to the name of one file
 # Names that users look for and no setting has.
-ELSEWHERE = {"out": "hydra.run.dir=FOLDER names the folder of the run", "output": "hydra.run.dir=FOLDER names it"}
+ELSEWHERE = dict.fromkeys(["output", "folder", "dir"], "out=FOLDER names the folder of the run")
 
 
 def translated(command: str, kind: type, arguments: Sequence[str]) -> list[str]:
@@ -71,7 +71,7 @@ def translated(command: str, kind: type, arguments: Sequence[str]) -> list[str]:
     """
     ordered = sorted(arguments, key=_is_override)  # argparse wants all overrides together
     words, sweep = _overrides(command, ordered)
-    known = dict(_settings(kind, ""))
+    known = dict(known_settings(kind, ""))
     options = list(ordered)
     for word in words:
         options.remove(word)
@@ -104,13 +104,13 @@ def _override(command: str, word: str, known: dict[str, Any], sweep: bool) -> st
     prefix = key[: len(key) - len(key.lstrip("+~"))]
     name = key[len(prefix) :]
     if not equals:
-        if prefix == "~" and (name in known or _in_mapping(name, known)):
+        if prefix == "~" and (name in known or in_mapping(name, known)):
             return word
         raise InputError(f"{word}: expected a setting as key=value, {_example(command, word)}; got no key")
     if ALIASES.get(name) in known:
         name = ALIASES[name]
     _check_key(command, name, known)
-    prefix = "++" if not prefix and name not in known and _in_mapping(name, known) else prefix  # new keys, too
+    prefix = "++" if not prefix and name not in known and in_mapping(name, known) else prefix  # new keys, too
     if name == GROUP and prefix != "~" and is_file_name(value):
         name, value = _hand(command, value, sweep)
     if name in PATHS and known.get(name) is not int and prefix != "~":
@@ -131,24 +131,24 @@ def _hand(command: str, value: str, sweep: bool) -> tuple[str, str]:
     whole = _unquoted(value)
     if proposed(command, whole):
         return "urdf", whole
-    parts = [whole] if _exists(whole) or not sweep else _split(value)
+    parts = [whole] if exists(whole) or not sweep else _split(value)
     return GROUP, ",".join(option_of(part) if is_file_name(part) else part for part in parts)
 
 
 # Keys
 
 
-def _settings(kind: type, prefix: str) -> Iterator[tuple[str, Any]]:
+def known_settings(kind: type, prefix: str) -> Iterator[tuple[str, Any]]:
     """Every key of the settings, dotted, with its type."""
     types = get_type_hints(kind)
     for entry in fields(kind):
         inner = types[entry.name]
         yield prefix + entry.name, inner
         if isinstance(inner, type) and is_dataclass(inner):
-            yield from _settings(inner, f"{prefix}{entry.name}.")
+            yield from known_settings(inner, f"{prefix}{entry.name}.")
 
 
-def _in_mapping(name: str, known: dict[str, Any]) -> bool:
+def in_mapping(name: str, known: dict[str, Any]) -> bool:
     """Whether a key is within a mapping of any keys, such as the joints of a hand."""
     outer = [name[: dot.start()] for dot in re.finditer(r"\.", name)]
     return any(place in known and not is_dataclass(known[place]) for place in outer)
@@ -157,7 +157,7 @@ def _in_mapping(name: str, known: dict[str, Any]) -> bool:
 def _check_key(command: str, name: str, known: dict[str, Any]) -> None:
     """InputError for a key that the command has not; groups of conf/ and Hydra's own are keys as well."""
     bare = re.split("[@:]", name)[0]
-    if bare in known or _in_mapping(bare, known) or re.match(r"hydra[./]|hydra$", bare):
+    if bare in known or in_mapping(bare, known) or re.match(r"hydra[./]|hydra$", bare):
         return
     if bare and (root() / "conf" / bare).is_dir():
         return
@@ -207,7 +207,7 @@ def _has_no_value(name: str, sweep: Override) -> bool:
 
 def _paths(name: str, value: str, sweep: bool) -> str:
     """The value of a setting that is a path, or a list of paths, in Hydra's grammar."""
-    if _exists(value):
+    if exists(value):
         return _quoted(value)
     if value in ("null", "???"):
         return value
@@ -217,7 +217,7 @@ def _paths(name: str, value: str, sweep: bool) -> str:
         return _list(name, value)
     if "," in value and not sweep:
         parts = _split(value)
-        if (name in NUMBERS and all(map(_is_number, parts))) or all(map(_exists, parts)):
+        if (name in NUMBERS and all(map(is_number, parts))) or all(map(exists, parts)):
             raise InputError(f"{name}: expected a list in brackets, {name}=[{value}]; got {value}")
     return _quoted(_unquoted(value))
 
@@ -241,7 +241,7 @@ def _sweep(name: str, value: str) -> str:
 
 def _list(name: str, value: str) -> str:
     parts = _split(value[1:-1])
-    if name in NUMBERS and not any(map(_exists, parts)) and _holds_numbers(value):
+    if name in NUMBERS and not any(map(exists, parts)) and _holds_numbers(value):
         return value
     return "[" + ",".join(_quoted(_unquoted(part)) for part in parts if part) + "]"
 
@@ -264,7 +264,7 @@ def _split(inner: str) -> list[str]:
         # The shortest run of pieces that is the name of a file; names that do not exist end at the comma.
         runs = [",".join(tokens[:n]) for n in range(1, min(len(tokens), MOST_COMMAS) + 1)]
         count, name = next(
-            ((n, form) for n, run in enumerate(runs, 1) for form in _forms(run) if _exists(form)),
+            ((n, form) for n, run in enumerate(runs, 1) for form in _forms(run) if exists(form)),
             (1, tokens[0].strip()),
         )
         tokens = tokens[count:]
@@ -285,9 +285,9 @@ def _quotes(piece: str) -> bool:
 def _unquoted(value: str) -> str:
     """Without the quotes of Hydra's grammar around it, unless a file is called so."""
     bare = value.strip()
-    if not _quotes(value) or _exists(value):
+    if not _quotes(value) or exists(value):
         return value
-    if _exists(bare[1:-1]) or re.search(rf"(?<!\\){bare[0]}", bare[1:-1]):
+    if exists(bare[1:-1]) or re.search(rf"(?<!\\){bare[0]}", bare[1:-1]):
         return bare[1:-1]
     return re.sub(r"\\(['\"\\])", r"\1", bare[1:-1])
 
@@ -296,7 +296,7 @@ def _quoted(path: str) -> str:
     """A path as text of Hydra's grammar, whatever characters it has; `~` is the home folder, or a file of that name."""
     if path.startswith("~"):
         with suppress(RuntimeError):  # ~user of an unknown user
-            path = f"./{path}" if _exists(path) else str(Path(path).expanduser())
+            path = f"./{path}" if exists(path) else str(Path(path).expanduser())
     if path == "???":  # OmegaConf's word for a value that is missing
         path = "./???"
     return QuotedString(path, Quote.single).with_quotes()
@@ -307,14 +307,14 @@ def _literal(path: str) -> str:
     return re.sub(r"(\\*)\$\{", lambda found: found[1] * 2 + "\\${", path)
 
 
-def _exists(path: str) -> bool:
+def exists(path: str) -> bool:
     try:
         return bool(path) and Path(path).exists()
     except (OSError, ValueError):  # longer than a path may be; a NUL
         return False
 
 
-def _is_number(word: str) -> bool:
+def is_number(word: str) -> bool:
     try:
         float(word)
     except ValueError:

@@ -16,6 +16,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
+from spgf_torch.cli.run_folder import finished
 from spgf_torch.errors import IncompleteError, InputError
 from spgf_torch.progress import console, show, take_turns
 
@@ -63,7 +64,10 @@ class Multirun:
         """Show a line a job: what sets it apart, its rate, its folder. The exit status that they come to."""
         notes = [json.loads(path.read_text()) for path in self.notes.glob("*.json")]
         shutil.rmtree(self.notes, ignore_errors=True)
-        for line in lines(sorted(notes, key=lambda note: note["job"])):
+        notes.sort(key=lambda note: note["job"])
+        elsewhere = [Path(note["folder"]) for note in notes if "folder" in note]
+        finished.extend(folder for folder in elsewhere if folder not in finished)
+        for line in lines(notes):
             show(line)
         return 2 if any("refused" in note for note in notes) else int(any("incomplete" in note for note in notes))
 

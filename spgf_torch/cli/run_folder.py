@@ -28,6 +28,8 @@ HYDRAS = ("config.yaml", "hydra.yaml", "overrides.yaml")
 
 # Folders on the way to the run's that this call has made, the innermost first: written by `Check`, read by `claimed`.
 _made: list[Path] = []
+# Folders of the runs of this call that have something to tell, in order: for `--json`.
+finished: list[Path] = []
 
 
 class Check(Callback):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from spgf_torch.files.reading import existing
 from spgf_torch.paths import find
 
 MODEL, JUDGE = ("model.json", "model.safetensors"), ("judge.json", "judge.safetensors")
+# Folder of the models that come with the package, by hand.
+SHIPPED = "data/judge"
 # In the place of a folder: no model, no judge.
 NONE = "none"
 
@@ -79,6 +82,16 @@ def model_and_judge(model: str | Path, judge: str | Path | None) -> tuple[Path |
             hint = "" if ranks is None else "; model=none takes the judge alone"
             raise InputError(f"{votes}/{name}: expected a model that train left (make train), found no such file{hint}")
     return votes, ranks
+
+
+def model_of_hand(hand: str) -> str:
+    """The folder of the shipped model of a hand, by the hand's name; InputError for a hand that none is shipped of."""
+    folders = [path.parent for path in sorted(find(SHIPPED).glob(f"*/{JUDGE[0]}"))]
+    if hand not in (names := [folder.name for folder in folders]):
+        near = get_close_matches(hand, names, 1)
+        hint = f"; did you mean {near[0]}?" if near else "; of others: model=FOLDER, which train or judge left"
+        raise InputError(f"hand: expected a hand with a shipped model ({', '.join(names)}), got {hand or 'none'}{hint}")
+    return f"{SHIPPED}/{hand}"
 
 
 def _any_of(names: tuple[str, ...], folder: Path) -> bool:

@@ -49,6 +49,7 @@ class SceneConfig:
 class PredictConfig(SceneConfig):
     """`python -m spgf_torch.predict`: ranked grasps for user-provided input, with the settings of a scene."""
 
+    batch: bool = text()
     model: str = text()
     judge: str | None = text()
     N: int = bounded(1, 1000)

@@ -308,7 +308,7 @@ def test_train_refuses_damaged_trials(small: Path, tmp_path: Path, monkeypatch: 
 
 def test_help_is_shown(tmp_path: Path) -> None:
     help_ = call("evaluate", "--help", cwd=tmp_path)
-    assert help_.returncode == 0 and "python -m spgf_torch.evaluate" in help_.stdout and "hand:" in help_.stdout
+    assert help_.returncode == 0 and "\n  --objects" in help_.stdout and "--hand NAME" in help_.stdout
     assert not (tmp_path / "outputs").exists()
 
 
