@@ -113,7 +113,7 @@ def test_train_on_two_processes(tmp_path: Path) -> None:
     assert re.search(r"^0: sensing +10 objects +done", done.stderr, re.MULTILINE)  # whose line it is
     assert re.search(r"^K=3 +all CG +\d+\.\d %", done.stdout, re.MULTILINE)
     assert re.search(r"^K=0 +not run: K: expected", done.stdout, re.MULTILINE)
-    assert list((tmp_path / "outputs/cache").glob("pairs-*.safetensors"))
+    assert list((tmp_path / "outputs/cache").glob("features-*.safetensors"))
 
 
 @pytest.mark.parametrize(
