@@ -40,12 +40,11 @@ def model_card(results: Mapping[str, Any], config: TrainConfig, objects: int, tr
 
     Args:
         results: content of `results.json`.
-        objects, trials: how many it was learned from.
-        size: bytes of `model.safetensors`.
+        objects, trials: how many it was learned from. size: bytes of `model.safetensors`.
     """
     affordance, sensing, described = config.affordance, config.sensing, DESCRIPTORS[config.features.descriptor]
-    return f"""\
-{card_header(config.hand.name, library_name="spgf_torch", pipeline_tag="robotics")}
+    header = card_header(config.hand.name, library_name="spgf_torch", pipeline_tag="robotics")
+    return f"""{header}
 # Grasp model, {config.hand.name}, K = {config.K}
 
 Written by `python -m spgf_torch.train` from the run beside it; every setting is in `config.yaml`.
