@@ -14,6 +14,7 @@ MODULES = (
     "spgf_torch.deferred_imports",
     "spgf_torch.features.estimator",
     "spgf_torch.features.interface",
+    "spgf_torch.files.card_header",
     "spgf_torch.geometry.se3",
     "spgf_torch.hands.description_file",
     "spgf_torch.prototypes.estimator",

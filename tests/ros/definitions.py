@@ -2,8 +2,9 @@
 
 std_msgs, geometry_msgs, sensor_msgs and trajectory_msgs are those of github.com/ros2/common_interfaces (CameraInfo at
 commit 27b84d3, Image 22012ae, PointField e05fcce, PointCloud2 202d9d8, JointTrajectory ba32be2, JointTrajectoryPoint
-14c2783), moveit_msgs those of github.com/moveit/moveit_msgs, branch ros2 (Grasp at commit 28ec33e). Those commits were read word for word; GripperTranslation in copies of others, and
-std_msgs, geometry_msgs and RegionOfInterest were written down without a file at hand.
+14c2783), moveit_msgs those of github.com/moveit/moveit_msgs, branch ros2 (Grasp at commit 28ec33e). Those commits were
+read word for word; GripperTranslation in copies of others; and std_msgs, geometry_msgs and RegionOfInterest were
+written down without a file at hand.
 """
 
 from __future__ import annotations
