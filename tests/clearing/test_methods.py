@@ -1,6 +1,7 @@
 """Who plans: on real images of three blocks, with the Panda."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import torch
 from clearing_cases import PLACED, config
 
 from spgf_torch.clearing.contact_graspnet import Found
-from spgf_torch.clearing.methods import Antipodal, Network, Random, Unlearned, random_hands
+from spgf_torch.clearing.methods import Antipodal, Network, Ours, Random, Unlearned, random_hands
 from spgf_torch.clearing.rounds import Bench
 from spgf_torch.hands.hand import load_hand
 
@@ -50,6 +51,15 @@ def test_a_grasp_is_on_something_and_away_from_where_others_failed(method, tools
     second = method(tools).choose(sensed, first.T_world_tcp[None, :3, 3])
     assert holds_something(second)
     assert np.linalg.norm(second.T_world_tcp[:3, 3] - first.T_world_tcp[:3, 3]) >= tools.config.neighbours.avoid_radius
+
+
+@pytest.mark.parametrize(("least", "chosen"), [(0.0, 0.4), (0.4, 0.4), (0.5, 0.6), (0.7, None)])
+def test_ours_tries_no_grasp_that_is_less_likely_to_hold(least, chosen):
+    """Two grasps in the order of their scores, which is not that of their probabilities."""
+    grasps = [SimpleNamespace(type="WPG", T_input_tcp=np.eye(4), probability=p) for p in (0.4, 0.6)]
+    predictor = SimpleNamespace(predict=lambda scene, top, avoid: grasps)
+    found = Ours(predictor, least).choose(SimpleNamespace(scene=None), NOWHERE)
+    assert (found and found.probability) == chosen
 
 
 def test_random_hands_close_along_normals_and_come_from_above(sensed):

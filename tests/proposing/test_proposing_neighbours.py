@@ -1,5 +1,7 @@
 """Grasps among neighbours, end to end with the shipped judge of the Panda: two blocks beside each other on a table."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,8 +9,10 @@ import torch
 import spgf_torch
 from spgf_torch import InputError, Scene
 from spgf_torch.predictor import Predictor, block
-from spgf_torch.proposing.clearance import Clearance
+from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.config import ProposingConfig, proposing_named
+from spgf_torch.proposing.hypotheses import Hypotheses
+from spgf_torch.proposing.judge_proposer import seen_weight
 from spgf_torch.settings import plain, settings
 
 TABLE = [0.0, 0.0, 1.0, 0.0]
@@ -47,6 +51,20 @@ def test_what_stands_on_the_way_is_seen(model: Predictor) -> None:
         types = torch.tensor([clearance.grasp_types.index(grasp.type) for grasp in below])
         T = torch.from_numpy(np.stack([grasp.T_input_tcp for grasp in below])).float()
         assert bool(clearance.free_of_obstacles(others, T, types).all()) == all_free
+
+
+def test_hands_in_unseen_space_come_later(model: Predictor) -> None:
+    """Of two hands 1 m apart unseen places fill that of the first: its probability counts by 0.9, or not at all."""
+    search, config = model.judged.search, model.config
+    T = torch.eye(4).repeat(2, 1, 1)
+    T[1, 0, 3] = 1.0
+    hands, volume = Hypotheses(T, torch.zeros(2, dtype=torch.int64)), search.clearance.volumes["NPG"]
+    axes = [torch.arange(float(low), float(high), 0.008) for low, high in zip(volume.low, volume.high, strict=True)]
+    around = Surroundings(hidden=torch.cartesian_prod(*axes))
+    assert seen_weight(hands, search, config, around).tolist() == pytest.approx([0.9, 1.0])
+    none = replace(config, neighbours=replace(config.neighbours, unseen_weight=0.0))
+    assert seen_weight(hands, search, none, around).tolist() == [0.0, 1.0]
+    assert seen_weight(hands, search, settings(ProposingConfig), around) == 1.0
 
 
 def test_failed_places_are_left_to_where_there_is_nothing_else(model: Predictor) -> None:
