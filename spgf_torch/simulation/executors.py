@@ -207,5 +207,7 @@ def _by_threads(
         if not waiting:
             return
         done, _ = wait(waiting, return_when=FIRST_COMPLETED)
-        for future in done:
+        for future in [
+            future for future in waiting if future in done
+        ]:  # what ended together, in the order of the tasks
             yield waiting.pop(future), future.result()
