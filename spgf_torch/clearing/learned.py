@@ -9,13 +9,10 @@ from typing import TYPE_CHECKING
 
 from spgf_torch.clearing.config import NETWORK, OURS, ClutterConfig
 from spgf_torch.errors import InputError
-from spgf_torch.files.given_paths import NONE, model_and_judge
-from spgf_torch.paths import find
+from spgf_torch.files.given_paths import NONE, model_and_judge, model_of_hand
 
 if TYPE_CHECKING:
     from spgf_torch.objects.grasp_object import GraspObject
-
-SHIPPED = "data/judge"  # folder of the judges that come with the package, by hand
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class Learned:
             raise InputError(f"method: expected {NETWORK} with hand=panda and cgn=PYTHON, got {wrong}")
         if config.method != OURS and not config.held_out:
             return Learned(None, None, False)
-        return Learned(*model_and_judge(config.model or _shipped(config), config.judge), config.held_out)
+        return Learned(*model_and_judge(config.model or model_of_hand(config.hand.name), config.judge), config.held_out)
 
     def folders(self, fold: int | None) -> tuple[str, str]:
         """Model and judge of a fold, as `Predictor.load` takes them."""
@@ -77,13 +74,3 @@ class Learned:
         rooms = [room for room in (self.votes, self.judge) if room is not None]
         names = ("*/*/model.json", "*/*/judge.json") if self.held_out else ("model.json", "judge.json")
         return [digest_of(path) for room in rooms for name in names for path in sorted(room.glob(name))]
-
-
-def _shipped(config: ClutterConfig) -> str:
-    folder = f"{SHIPPED}/{config.hand.name}"
-    if not find(folder).is_dir():
-        raise InputError(
-            f"model: expected the folder of what was learned for this hand, got none; there is no judge of "
-            f"{config.hand.name} in {SHIPPED}"
-        )
-    return folder
