@@ -22,6 +22,10 @@ PACKAGES = {
     "xacrodoc": ("xacrodoc", "hands"),
     "collada": ("pycollada", "hands"),
     "mujoco": ("MuJoCo", "mujoco"),
+    "starlette": ("Starlette", "serve"),
+    "uvicorn": ("uvicorn", "serve"),
+    "python_multipart": ("python-multipart", "serve"),
+    "prometheus_client": ("prometheus-client", "serve"),
 }
 
 

@@ -95,10 +95,10 @@ def test_extras_bring_what_is_said_of_them() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = {name: " ".join(wanted) for name, wanted in project["optional-dependencies"].items()}
     for module, (known, extra) in PACKAGES.items():
-        package = {"sklearn": "scikit-learn", "collada": "pycollada"}.get(module, module)
+        package = {"sklearn": "scikit-learn", "collada": "pycollada"}.get(module, module.replace("_", "-"))
         assert f"{package}>=" in extras[extra] or f"{package}-cpu>=" in extras[extra], known
         assert not any(required.startswith(package) for required in project["dependencies"]), known
     assert (
-        extras["all"] == "spgf-torch[export,report,judge,sweep,cluster,hands,mujoco]"
+        extras["all"] == "spgf-torch[export,report,judge,sweep,cluster,hands,mujoco,serve]"
         and "spgf-torch[all,docs]" in extras["dev"]
     )
