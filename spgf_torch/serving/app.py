@@ -106,12 +106,13 @@ async def _still_there(request: Request) -> None:
         raise ClientDisconnect
 
 
-def _error(status: int, line: str, headers: Mapping[str, str] | None = None) -> Response:
+def _error(request: Request, status: int, line: str, headers: Mapping[str, str] | None = None) -> Response:
+    request.scope["told"] = one_line(line)
     return JSONResponse({"error": one_line(line)}, status, headers)
 
 
 async def _refused(request: Request, error: Exception) -> Response:
-    return _error(400, str(error))
+    return _error(request, 400, str(error))
 
 
 async def _told(request: Request, error: Exception) -> Response:
@@ -119,12 +120,12 @@ async def _told(request: Request, error: Exception) -> Response:
     line = error.detail
     if error.status_code == 405 or (error.status_code == 404 and "endpoint" not in request.scope):
         line = f"expected an address and a method that /docs lists, got {request.method} {request.url.path:.80}"
-    return _error(error.status_code, line, error.headers)
+    return _error(request, error.status_code, line, error.headers)
 
 
 async def _left(request: Request, error: Exception) -> Response:
-    return _error(LEFT, "the connection was cut")
+    return _error(request, LEFT, "the connection was cut")
 
 
 async def _broken(request: Request, error: Exception) -> Response:
-    return _error(500, "the server has a defect, which its log tells")
+    return _error(request, 500, "the server has a defect, which its log tells")

@@ -151,7 +151,7 @@ def _answer(job: Job, state: _Loaded) -> Answer:
             raise InputError(f"{unused[0]}: expected with other input than {kind} in JSON, got it with these")
     top, types = _own(settings, state)
     start = time.perf_counter()
-    scene = _scene(job, values, settings, state)
+    scene = _without_folders(_scene(job, values, settings, state), job)
     sensed = time.perf_counter()
     grasps = state.model.predict(scene, top)
     seconds = {"scene": sensed - start, "grasps": time.perf_counter() - sensed}
@@ -242,8 +242,14 @@ def _scene(job: Job, values: dict[str, Any], settings: dict[str, Any], state: _L
         if isinstance(settings.get("intrinsics"), str):
             raise InputError("intrinsics: expected a file in the request or numbers (fx,fy,cx,cy), got text")
         lists = {key: files[0] if len(files) == 1 else files for key, files in named_files.items()}
-        scene = Scene.from_files(files, sensing=sensing, **{**settings, **lists})
-    return replace(scene, notes=tuple(_without_folder(note, job) for note in scene.notes))
+        return Scene.from_files(files, sensing=sensing, **{**settings, **lists})
+
+
+def _without_folders(scene: Scene, job: Job) -> Scene:
+    """The scene, in whose words files are called as in the request."""
+    words = {"notes": tuple(_without_folder(note, job) for note in scene.notes)}
+    no_grasp = scene.no_grasp and _without_folder(scene.no_grasp, job)
+    return replace(scene, **words, unseen=_without_folder(scene.unseen, job), no_grasp=no_grasp)
 
 
 def _without_folder(words: str, job: Job) -> str:

@@ -24,14 +24,17 @@ RETRY = 2
 class Predictions:
     """Asks the predicting process, which is started anew where it has ended.
 
+    Args:
+        process: where it runs; None: one of its own.
+
     Attributes:
         about: who the model is; None until it is loaded, and while it is loaded anew.
         inside: requests that are read, wait or are predicted.
     """
 
-    def __init__(self, config: ServeConfig, metrics: Metrics) -> None:
+    def __init__(self, config: ServeConfig, metrics: Metrics, process: WorkerProcess | None = None) -> None:
         self._config, self._metrics = config, metrics
-        self._process, self._thread = WorkerProcess(), ThreadPoolExecutor(1)  # which the process' calls belong to
+        self._process, self._thread = process or WorkerProcess(), ThreadPoolExecutor(1)  # one thread calls
         self._turn = asyncio.Lock()
         self._loading: asyncio.Task[None] | None = None
         self.about: dict[str, Any] | None = None
