@@ -41,6 +41,8 @@ UNUSED = {
 }
 # Other words for these keys.
 WORDS = {"viewpoint": "viewpoints", "intrinsics": "K"}
+# Grasps of each type at most, as of predict.
+MOST_TOP = 1000
 # The seconds after which no page is worth waiting for: it takes some three, most of them once.
 PAGE_SECONDS = 60.0
 
@@ -195,7 +197,10 @@ def _own(settings: dict[str, Any], state: _Loaded) -> tuple[int, tuple[str, ...]
             raise InputError(
                 f"types: expected some of {', '.join(sorted(state.model.grippers))}; got {unknown[0]!r:.40}"
             )
-    return state.config.top if top is None else top, types
+    top = state.config.top if top is None else top
+    if not isinstance(top, int) or isinstance(top, bool) or not 1 <= top <= MOST_TOP:
+        raise InputError(f"top: expected a whole number from 1 to {MOST_TOP}, got {top!r:.40}")
+    return top, types
 
 
 def _json_parts(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -91,8 +91,8 @@ def serving(folder: Path, *overrides: str) -> Iterator[Running]:
     command = [sys.executable, "-m", "spgf_torch", "serve", "port=0", f"model={ROOT / 'data/judge/panda'}", *overrides]
     log = (folder / "log").open("w+")
     process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=log, text=True)
+    assert process.stdout is not None
     try:
-        assert process.stdout is not None
         said = process.stdout.readline()
         found = re.search(r"http://127\.0\.0\.1:\d+", said)
         assert found, (said, (folder / "log").read_text())
@@ -104,6 +104,7 @@ def serving(folder: Path, *overrides: str) -> Iterator[Running]:
     finally:
         process.kill()
         process.wait()
+        process.stdout.close()
         log.close()
 
 

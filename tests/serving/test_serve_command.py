@@ -26,7 +26,7 @@ import spgf_torch
 from spgf_torch.sensing.cameras import Camera, cast, look_at
 from spgf_torch.serving.client import Client, ServeError
 
-LIMITS = ("largest_mb=4", "body_seconds=20", "wait_seconds=120", "seconds=60", "kept=2", "max_points=200000")
+LIMITS = ("largest_mb=4", "body_seconds=20", "wait_seconds=120", "seconds=60", "kept=1", "max_points=200000")
 TABLE = [0.0, 0.0, 1.0, 0.0]
 
 
@@ -45,9 +45,9 @@ def client(server: Running) -> Client:
 def seen() -> tuple[np.ndarray, Camera]:
     """Depth (H, W), m, of a box 40 x 60 x 80 mm on a table, from 0.5 m away, 40 deg up."""
     box = trimesh.creation.box((0.04, 0.06, 0.08)).apply_translation((0, 0, 0.04))
-    table = trimesh.creation.box((0.8, 0.8, 0.02)).apply_translation((0, 0, -0.01))
-    K = np.array([[150.0, 0, 80], [0, 150, 60], [0, 0, 1]])
-    camera = Camera(K, look_at(np.array([0.38, 0.1, 0.36]), np.array([0, 0, 0.03])), 160, 120)
+    table = trimesh.creation.box((0.3, 0.25, 0.02)).apply_translation((0, 0, -0.01))
+    K = np.array([[130.0, 0, 60], [0, 130, 45], [0, 0, 1]])
+    camera = Camera(K, look_at(np.array([0.38, 0.1, 0.36]), np.array([0, 0, 0.03])), 120, 90)
     return cast(trimesh.util.concatenate([box, table]), camera)[0], camera
 
 
@@ -110,7 +110,7 @@ def test_files_and_a_mask(client: Client, cloud: np.ndarray, tmp_path: Path) -> 
 
 
 def test_eight_clients_at_once_get_what_one_gets(server: Running, client: Client, cloud: np.ndarray) -> None:
-    """Sixteen requests on four clouds, by eight threads."""
+    """Twelve requests on four clouds, by eight threads."""
     clouds = [cloud + np.float32([0.01 * i, 0, 0]) for i in range(4)]
 
     def grasps(i: int) -> Any:
@@ -119,15 +119,15 @@ def test_eight_clients_at_once_get_what_one_gets(server: Running, client: Client
     alone = [grasps(i) for i in range(4)]
     assert all(alone) and len({json.dumps(each) for each in alone}) == 4
     with ThreadPoolExecutor(8) as pool:
-        together = list(pool.map(grasps, range(16)))
+        together = list(pool.map(grasps, range(12)))
     assert all(each == alone[i % 4] for i, each in enumerate(together))
 
 
 def test_the_page_of_a_result_as_long_as_it_is_kept(server: Running, client: Client, cloud: np.ndarray) -> None:
-    first, *_, last = (client.grasps(points=cloud, viewpoint=EYE, table="find", top=1) for _ in range(3))
+    first, last = (client.grasps(points=cloud, viewpoint=EYE, table="find", top=1) for _ in range(2))
     gone = server.ask("GET", first["page"])
     assert gone.status == 404
-    assert gone.json["error"] == "expected one of the latest 2 results (kept), got none of this name"
+    assert gone.json["error"] == "expected one of the latest 1 results (kept), got none of this name"
     page = server.ask("GET", last["page"])
     assert page.status == 200 and page.headers["content-type"].startswith("text/html") and b"WPG" in page.body
     assert b"spgf_serve" not in page.body and server.ask("GET", "/health").json["last"] == last["id"]
@@ -148,13 +148,13 @@ def bomb() -> bytes:
     return stream.getvalue()
 
 
-def large_png() -> bytes:
-    """100,000 x 100,000 pixels of 16 bits by what its head says."""
+def large_png(side: int) -> bytes:
+    """`side` x `side` pixels of 16 bits by what its head says."""
 
     def chunk(kind: bytes, content: bytes) -> bytes:
         return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
 
-    head = struct.pack(">IIBBBBB", 100_000, 100_000, 16, 0, 0, 0, 0)
+    head = struct.pack(">IIBBBBB", side, side, 16, 0, 0, 0, 0)
     return (
         b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(bytes(1000))) + chunk(b"IEND", b"")
     )
@@ -163,6 +163,7 @@ def large_png() -> bytes:
 def hostile() -> list[tuple[str, bytes, str, str]]:
     """Name, body, query, and a part of the answer."""
     points = np.random.default_rng(0).normal(size=(100, 3))
+    pixels = "?intrinsics=100,100,50,50"
     return [
         ("cut", ply(200, points), "", "input.ply: expected"),
         ("nan", npy(np.full((100, 3), np.nan)), "", "input.npy: expected"),
@@ -175,7 +176,8 @@ def hostile() -> list[tuple[str, bytes, str, str]]:
         ("objects", npy(np.array([{}, None])), "", "input.npy: expected arrays of numbers, got pickled Python objects"),
         ("pickle", pickle.dumps([1]), "", "body: expected"),
         ("zip", bomb(), "", "input.npz: "),
-        ("png", large_png(), "?intrinsics=100,100,50,50", "input.png: expected at most 200000 pixels (max_points)"),
+        ("png", large_png(1000), pixels, "input.png: expected at most 200000 pixels (max_points), got 1000 x 1000"),
+        ("larger png", large_png(100_000), pixels, "could be decompression bomb"),
         ("nested", b'{"points":' + b"[" * 100_000 + b"]" * 100_000 + b"}", "", "expected a JSON object"),
         ("words", b'{"points": [["a", "b", "c"]]}', "", "points: expected numbers in rows of one length"),
         ("huge", b'{"points": [[1e999, 0, 0], [0, 0, 0], [1, 2, 3]]}', "", "points: expected"),
@@ -229,7 +231,7 @@ def until(holds: Any) -> None:
 
 
 def test_the_client_tells_what_is_wrong(server: Running, client: Client, tmp_path: Path) -> None:
-    with pytest.raises(ServeError, match=r"^voxel: expected a number from 0\.0005 to 0\.05, got 7$") as told:
+    with pytest.raises(ServeError, match=r"^voxel: expected a number from 0\.0005 to 0\.05, got 7\.0$") as told:
         client.grasps(points=[[0, 0, 1], [0, 1, 0]], voxel=7)
     assert told.value.status == 400 and client.health()["model"]["name"] == "panda"
     np.save(tmp_path / "few.npy", np.ones((2, 3)))
@@ -240,7 +242,7 @@ def test_the_client_tells_what_is_wrong(server: Running, client: Client, tmp_pat
         capture_output=True,
         text=True,
     )
-    assert (done.returncode, done.stderr) == (1, "client: voxel: expected a number from 0.0005 to 0.05, got 7\n")
+    assert (done.returncode, done.stderr) == (1, "client: voxel: expected a number from 0.0005 to 0.05, got 7.0\n")
 
 
 def test_a_port_in_use_is_told(server: Running, tmp_path: Path) -> None:
@@ -255,7 +257,6 @@ def test_a_prediction_that_crashes_is_told_and_the_server_goes_on(
     server: Running, client: Client, cloud: np.ndarray
 ) -> None:
     """The predicting process is killed between two requests: the next is told, and after a while all is well."""
-    children = Path(f"/proc/{server.process.pid}/task/{server.process.pid}/children").read_text().split()
     threads = Path(f"/proc/{server.process.pid}/task").glob("*/children")
     children = sorted({word for each in threads for word in each.read_text().split()})
     assert len(children) == 1
