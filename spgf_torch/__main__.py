@@ -13,6 +13,7 @@ COMMANDS = {
     "train": "learn prototypes and grasp affordances: the experiment of the paper, and a model",
     "predict": "ranked grasps for a point cloud, depth images or a mesh: input=FILE",
     "serve": "a model kept warm behind HTTP, on this machine: hand=NAME",
+    "view": "frames as they come into a folder, with their grasps, in the browser: view FOLDER hand=NAME",
     "evaluate": "a model's best grasps on scanned meshes, executed in SAPIEN: objects=FOLDER",
     "simulate": "candidate grasps on objects, each tried in SAPIEN: the trial table",
     "generate": "household objects drawn from ranges of sizes, a description each: count=... out=FOLDER",

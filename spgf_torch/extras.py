@@ -26,6 +26,7 @@ PACKAGES = {
     "uvicorn": ("uvicorn", "serve"),
     "python_multipart": ("python-multipart", "serve"),
     "prometheus_client": ("prometheus-client", "serve"),
+    "viser": ("viser", "view"),
 }
 
 

@@ -99,6 +99,6 @@ def test_extras_bring_what_is_said_of_them() -> None:
         assert f"{package}>=" in extras[extra] or f"{package}-cpu>=" in extras[extra], known
         assert not any(required.startswith(package) for required in project["dependencies"]), known
     assert (
-        extras["all"] == "spgf-torch[export,report,judge,sweep,cluster,hands,mujoco,serve]"
+        extras["all"] == "spgf-torch[export,report,judge,sweep,cluster,hands,mujoco,serve,view]"
         and "spgf-torch[all,docs]" in extras["dev"]
     )

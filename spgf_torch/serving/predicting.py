@@ -252,9 +252,9 @@ def _scene(job: Job, values: dict[str, Any], settings: dict[str, Any], state: _L
 
 def _without_folders(scene: Scene, job: Job) -> Scene:
     """The scene, in whose words files are called as in the request."""
-    words = {"notes": tuple(_without_folder(note, job) for note in scene.notes)}
+    notes = tuple(_without_folder(note, job) for note in scene.notes)
     no_grasp = scene.no_grasp and _without_folder(scene.no_grasp, job)
-    return replace(scene, **words, unseen=_without_folder(scene.unseen, job), no_grasp=no_grasp)
+    return replace(scene, notes=notes, unseen=_without_folder(scene.unseen, job), no_grasp=no_grasp)
 
 
 def _without_folder(words: str, job: Job) -> str:
