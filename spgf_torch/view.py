@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+from contextlib import redirect_stdout
 from pathlib import Path
 from threading import Event
 
@@ -39,12 +41,14 @@ def run(config: ViewConfig, folder: Path) -> None:
     with ProgressReporter().stage("model", 1, "model") as advance:
         model = Predictor.load(config.model, config.device, config.proposing, config.retreat, config.judge).ready()
         advance(1)
-    server = viser.ViserServer(config.host, config.port, label="spgf view", verbose=False)
+    with redirect_stdout(io.StringIO()):  # which it tells of itself all the same
+        server = viser.ViserServer(config.host, config.port, label="spgf view", verbose=False)
     try:
         show(f"watching {config.input} at http://{config.host}:{server.get_port()}; Ctrl-C ends it")
         watch(config, model, Page(server, model, config.N * len(model.grippers)), show, Event())
     finally:
-        server.stop()
+        with redirect_stdout(io.StringIO()):
+            server.stop()
 
 
 if __name__ == "__main__":
