@@ -142,6 +142,7 @@ def _answers() -> dict[str, Schema]:
         "target": {"type": "integer", "description": "number of what it grasps, of `segments`; else 1"},
         "score": {"type": "number", "description": "what ranks"},
         "gripper": {"type": "string"},
+        "width": {"type": "number", "description": "m between the pads of the open hand"},
         "T_input_tcp": _POSE,
         "T_input_base": _POSE,
         "T_input_pregrasp": _POSE,
@@ -149,6 +150,7 @@ def _answers() -> dict[str, Schema]:
         "closed": _JOINTS,
         "voted_by": {"type": "array", "items": {"type": "object"}},
     }
+    judged = {"type": "object", "description": "P(free), and P(holds | free), where a judge ranked"}
     model = {
         "type": "object",
         "properties": {
@@ -176,7 +178,7 @@ def _answers() -> dict[str, Schema]:
         "no_grasp": {"type": ["string", "null"], "description": "why there can be none"},
     }
     return {
-        "Grasp": {"type": "object", "properties": grasp, "required": list(grasp)},
+        "Grasp": {"type": "object", "properties": {**grasp, "judged": judged}, "required": list(grasp)},
         "Grasps": {"type": "object", "properties": grasps, "required": [key for key in grasps if key != "judge"]},
         "Model": model,
         "Health": {

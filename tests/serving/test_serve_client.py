@@ -69,13 +69,13 @@ def test_a_form_is_what_mail_readers_read() -> None:
 
 def test_one_kind_of_input_is_asked_for() -> None:
     for given in ({}, {"points": [[0, 0, 0]], "file": "x"}):
-        with pytest.raises(ValueError, match="expected one of points, depth and file, got (none|points and file)"):
+        with pytest.raises(ValueError, match=r"expected one of points, depth and file, got (none|points and file)"):
             Client().grasps(**given)
 
 
 def test_nobody_there_and_no_file_are_told() -> None:
-    with pytest.raises(ServeError, match="127.0.0.1:9: expected an answer of spgf serve, got .*refused") as told:
+    with pytest.raises(ServeError, match=r"127\.0\.0\.1:9: expected an answer of spgf serve, got .*refused") as told:
         Client("http://127.0.0.1:9/", timeout=5).health()
     assert told.value.status is None and told.value.retry_after is None
-    with pytest.raises(ServeError, match="missing.ply: expected a file, got No such file"):
+    with pytest.raises(ServeError, match=r"missing\.ply: expected a file, got No such file"):
         Client().grasps(file="missing.ply")
