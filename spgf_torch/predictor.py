@@ -183,7 +183,8 @@ class Predictor:
         found: list[Grasp] = []
         for target in scene.targets if scene.no_grasp is None else ():
             proposals = self._proposed((own := scene.of(target)).texlets, self.surroundings(own, failed), own.views)
-            found += [replace(grasp, target=target) for grasp in self.grasps(proposals, top)]
+            texlet = (scene.labels == target).nonzero()[:, 0].numpy()
+            found += [_in_scene(grasp, target, texlet) for grasp in self.grasps(proposals, top)]
         return sorted(found, key=lambda grasp: -grasp.score)
 
     def _places(self, avoid: object) -> torch.Tensor:
@@ -218,8 +219,9 @@ class Predictor:
     def grasps(self, proposals: Proposals, top: int) -> list[Grasp]:
         """The best of the proposals, with everything that a robot needs."""
         kept = sorted({i for indices in proposals.best(top).values() for i in indices.tolist()})
+        voted = [None] * len(kept) if self.proposer is None else self.proposer.who_voted(proposals, kept)
         found = []
-        for i in kept:
+        for i, voters in zip(kept, voted, strict=True):
             grasp = make_grasp(
                 self.grippers[proposals.grasp_types[int(proposals.grasp_type[i])]],
                 proposals.T_object_tcp[i].cpu().numpy(),
@@ -233,8 +235,15 @@ class Predictor:
                 free, holds = proposals.judged[i].tolist()
                 judged = (free, holds)
             numbers = proposals.numbers[i] if proposals.numbers else None
-            found.append(replace(grasp, score=float(proposals.score[i]), judged=judged, numbers=numbers))
+            score = float(proposals.score[i])
+            found.append(replace(grasp, score=score, judged=judged, numbers=numbers, voters=voters))
         return found
+
+
+def _in_scene(grasp: Grasp, target: int, texlet: np.ndarray) -> Grasp:
+    """A grasp of one target in its scene: texlet i of the target is texlet[i] of the scene."""
+    voters = None if grasp.voters is None else replace(grasp.voters, texlet=texlet[grasp.voters.texlet])
+    return replace(grasp, target=target, voters=voters)
 
 
 def surroundings_of(

@@ -16,7 +16,7 @@ from spgf_torch.hands.hand import Hand
 if TYPE_CHECKING:
     from spgf_torch.proposing.judge_influences import Numbers
 
-__all__ = ["Grasp", "Gripper", "gripper_for", "grippers_of", "make_grasp"]
+__all__ = ["Grasp", "Gripper", "Voters", "gripper_for", "grippers_of", "make_grasp"]
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,32 @@ class Gripper:
 
 
 @dataclass(frozen=True)
+class Voters:
+    """The V votes for one grasp, those that gained most first: which texlets, and what each said.
+
+    Attributes:
+        texlet: (V,) int64, index into the texlets that were voted with: `Scene.texlets`, of all its targets together.
+        position, normal: (V, 3) float64, m and unit, of that texlet in the input's frame.
+        prototype: (V,) int64, what the surface about it was taken for.
+        gain: (V,) float32, what the vote added to the sum of log-odds; their mean over the votes, drawn to 0 where
+            there are few, is what ranks where the votes rank. Below 0: a vote against the grasp.
+        probability, support: (V,) float32, as learned: of so many trials with this shape and this relative pose (each
+            counted by how near it was) this share held.
+    """
+
+    texlet: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    prototype: np.ndarray
+    gain: np.ndarray
+    probability: np.ndarray
+    support: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.texlet)
+
+
+@dataclass(frozen=True)
 class Grasp:
     """One proposed grasp.
 
@@ -69,6 +95,7 @@ class Grasp:
         score: what ranks grasps of a model: the votes' mean evidence, drawn to 0 where there are few; no probability.
         judged: of a judge P(free) and P(holds | free), whose product is the probability; None where the votes ranked.
         numbers: what the judge knew of it; None where the votes ranked, or of a grasp that was read.
+        voters: the `support` votes one by one; None of a judge alone, or of a grasp that was read.
     """
 
     type: str
@@ -84,6 +111,7 @@ class Grasp:
     score: float = 0.0
     judged: tuple[float, float] | None = None
     numbers: Numbers | None = field(default=None, repr=False, compare=False)
+    voters: Voters | None = field(default=None, repr=False, compare=False)
 
 
 def grippers_of(hand: Hand) -> dict[str, Gripper]:
