@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from asymmetric import GRIPPERS
+from asymmetric import GRIPPERS, asymmetric
 from proposing_models import CONFIG, VOLUMES, features_of, learned, patches
 
 from spgf_torch.affordance.voting import vote_totals
@@ -136,3 +136,16 @@ def test_texlets_of_several_targets_are_numbered_as_the_scenes(proposer: Propose
         assert set(labels[grasp.voters.texlet].tolist()) == {grasp.target}
         np.testing.assert_array_equal(grasp.voters.position, positions[grasp.voters.texlet].double())
         np.testing.assert_allclose(grasp.voters.normal, texlets.normals[grasp.voters.texlet], atol=1e-6)
+
+
+def test_voters_move_with_their_grasp() -> None:
+    """A quarter turn about z, then 1 m along x: (3, 4, 5) m becomes (1 - 4, 3, 5), and +x becomes +y."""
+    one = np.ones(1, dtype=np.float32)
+    voters = records.Voters(
+        np.array([8]), np.array([[3.0, 4, 5]]), np.array([[1.0, 0, 0]]), np.array([2]), one, one, one
+    )
+    grasp = replace(asymmetric(), voters=voters)
+    moved = grasp.transform(np.array([[0.0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
+    assert moved.voters is not None and moved.voters.texlet.tolist() == [8]
+    assert moved.voters.position.tolist() == [[-3, 3, 5]] and moved.voters.normal.tolist() == [[0, 1, 0]]
+    assert grasp.voters is voters and asymmetric().transform(np.eye(4)).voters is None
