@@ -23,6 +23,7 @@ def docs_page(described: Mapping[str, Any]) -> str:
     style = files("spgf_torch.serving").joinpath("docs_page.css").read_text(encoding="utf-8")
     lines = [
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{_text(about["title"])}</title>',
+        '<link rel="icon" href="data:,">',
         f'<meta name="viewport" content="width=device-width"><style>{style}</style>',
         f"<h1>{_text(about['title'])} {_text(about['version'])}</h1>",
         '<p><a href="openapi.json">openapi.json</a> for programs, <a href=".">the form</a> for a file.</p>',

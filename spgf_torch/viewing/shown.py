@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from trimesh import transform_points
 
+from spgf_torch.drawing.grasp_scene import look
 from spgf_torch.drawing.page_hands import fractions
 from spgf_torch.drawing.style import success_colours
 from spgf_torch.grasps.grasps import Grasps
@@ -21,8 +22,9 @@ if TYPE_CHECKING:
     import viser
 
 TARGET, OBSTACLE = (90, 90, 90), (125, 156, 192)
-POINT = 0.0015  # m; a dot: voxels are 2 mm, texlets 5
-SEEN_HANDS = 5  # that are shown at first
+DOTS = {"/targets": 0.004, "/obstacles": 0.002}  # m; texlets are 5 mm apart, obstacles voxels of 2 mm
+SEEN_HANDS = 3  # that are shown at first
+AWAY = (2.5, 0.35)  # of the eye from the first frame: times its extent, and m more, so that hands are in the picture
 
 
 class Page:
@@ -50,12 +52,24 @@ class Page:
         with self._lock, self._server.atomic():
             self._points("/targets", scene.texlets.positions.numpy(), TARGET)
             self._points("/obstacles", scene.obstacles.numpy(), OBSTACLE)
-            if scene.table is not None:
-                self._server.scene.set_up_direction(tuple(scene.table[:3]))
+            if self._grasps is None:
+                self._look(scene)
             self._grasps = grasps
             best = f"best {grasps[0].probability:.0%}" if grasps else f"no grasp: {scene.no_grasp or 'none is free'}"
             self._words.content = f"**{_plain(path.name)}**: {len(grasps)} grasps in {seconds:.2f} s, {_plain(best)}"
             self._draw_hands()
+
+    def _look(self, scene: Scene) -> None:
+        """Turn the page's eye, and that of whoever opens it later, to where the first frame is."""
+        points = scene.texlets.positions.numpy()
+        if not len(points):
+            return
+        low, high, eye = points.min(axis=0), points.max(axis=0), look(scene.texlets.normals.numpy())
+        centre = (low + high) / 2
+        place = centre + (AWAY[0] * float(np.linalg.norm(high - low)) + AWAY[1]) * eye.towards
+        self._server.scene.set_up_direction(eye.up)
+        for camera in (self._server.initial_camera, *(each.camera for each in self._server.get_clients().values())):
+            camera.position, camera.look_at = place, centre
 
     def refuse(self, path: Path, why: str) -> None:
         """Say why a frame cannot be used; the one before stays."""
@@ -77,11 +91,11 @@ class Page:
         vertices, faces = hand_mesh(self._shapes[grasp.type], self._moves[grasp.type], float(self._closed.value))
         colour = tuple((255 * success_colours(np.array([grasp.probability]))[0]).astype(int).tolist())
         placed = transform_points(vertices, grasp.T_input_tcp).astype(np.float32)
-        how = {"color": colour, "opacity": 0.85, "flat_shading": True, "side": "double"}
+        how = {"color": colour, "opacity": 0.7, "flat_shading": True, "side": "double"}
         return self._server.scene.add_mesh_simple(f"/hands/{i}", placed, faces, **how)
 
     def _points(self, name: str, points: np.ndarray, colour: tuple[int, int, int]) -> None:
-        self._server.scene.add_point_cloud(name, points, colour, point_size=POINT, precision="float32")
+        self._server.scene.add_point_cloud(name, points, colour, point_size=DOTS[name], precision="float32")
 
 
 def hand_mesh(shapes: Any, moves: np.ndarray, closed: float) -> tuple[np.ndarray, np.ndarray]:

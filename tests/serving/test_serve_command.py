@@ -48,7 +48,7 @@ def client(server: Running) -> Client:
 def seen() -> tuple[np.ndarray, Camera]:
     """Depth (H, W), m, of a box 40 x 60 x 80 mm on a table, from 0.5 m away, 40 deg up."""
     box = trimesh.creation.box((0.04, 0.06, 0.08)).apply_translation((0, 0, 0.04))
-    table = trimesh.creation.box((0.3, 0.25, 0.02)).apply_translation((0, 0, -0.01))
+    table = trimesh.creation.box((0.3, 0.25, 0.001)).apply_translation((0, 0, -0.0005))
     K = np.array([[130.0, 0, 60], [0, 130, 45], [0, 0, 1]])
     camera = Camera(K, look_at(np.array([0.38, 0.1, 0.36]), np.array([0, 0, 0.03])), 120, 90)
     return cast(trimesh.util.concatenate([box, table]), camera)[0], camera
@@ -59,8 +59,7 @@ def cloud(seen: tuple[np.ndarray, Camera]) -> np.ndarray:
     """(N, 3) float32, the same as points on and above the table's plane z = 0."""
     depth, camera = seen
     T = camera.T_object_camera
-    points = (camera.rays() * depth[..., None])[depth > 0] @ T[:3, :3].T + T[:3, 3]
-    return points[points[:, 2] > -0.001].astype(np.float32)  # not the sides of the table
+    return ((camera.rays() * depth[..., None])[depth > 0] @ T[:3, :3].T + T[:3, 3]).astype(np.float32)
 
 
 EYE = (0.38, 0.1, 0.36)

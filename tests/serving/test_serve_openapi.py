@@ -74,7 +74,7 @@ class Tags(HTMLParser):
         self.cells: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: Any) -> None:
-        if tag not in ("meta", "p"):
+        if tag not in ("meta", "link", "p"):
             self.open.append(tag)
         if tag == "td":
             self.cells.append("")
