@@ -141,8 +141,8 @@ class Grasps(Sequence[Grasp]):
         Args:
             folder: made if need be; files of these names in it are replaced.
             formats: one or some of json (`grasps.json`), isaac (`isaac_grasp.yaml`), moveit (`moveit_grasps.json`),
-                graspnet (`graspnet.npy` and its joints: grasps of two-finger jaws alone), page (`index.html`,
-                `grasps.png`); None: all but the page.
+                graspnet (`graspnet.npy` and its joints: grasps of two-finger jaws alone), glb (`grasps.glb`: hands, and
+                the cloud where it is known, for Blender), page (`index.html`, `grasps.png`); None: all but the page.
 
         Returns:
             The paths of what was written.

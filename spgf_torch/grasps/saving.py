@@ -81,6 +81,19 @@ def _graspnet(grasps: Grasps, folder: Path) -> list[Path]:
     return [path, joints_path(path)]
 
 
+def _glb(grasps: Grasps, folder: Path) -> list[Path]:
+    from spgf_torch.formats.glb import Surroundings, write_glb
+
+    path, beside = folder / "grasps.glb", None
+    if (source := grasps.source) is not None:
+        scene, T = source.scene, source.T_grasps_scene
+        seen = (scene.texlets.positions, scene.texlets.normals, scene.obstacles)
+        positions, normals, obstacles = (part.double().cpu().numpy() for part in seen)
+        beside = Surroundings(positions, normals, scene.spacing, obstacles, scene.table).transform(T)
+    write_glb(path, grasps, grasps.grippers, beside)
+    return [path]
+
+
 def _page(grasps: Grasps, folder: Path) -> list[Path]:
     from spgf_torch.grasps.page import write_page
 
@@ -93,6 +106,7 @@ _WRITERS: dict[str, Callable[[Grasps, Path], list[Path]]] = {
     "isaac": _isaac,
     "moveit": _moveit,
     "graspnet": _graspnet,
+    "glb": _glb,
     PAGE: _page,
 }
 # Those that other programs read.
