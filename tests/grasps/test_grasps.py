@@ -3,6 +3,7 @@
 import copy
 import json
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,7 @@ def test_a_sequence_that_cannot_be_changed() -> None:
     assert grasps[-1] is grasps.grasps[2] and grasps[0] in grasps and grasps.index(grasps[1]) == 1
     assert isinstance(grasps[1:], Grasps) and grasps[1:].names == grasps.names and grasps[1:][0] is grasps[1]
     assert grasps == list(grasps) and list(grasps) == grasps and grasps[:0] == [] and grasps[:2] != grasps
+    assert grasps == three() and grasps != three()[::-1]  # by value, though poses are arrays
     assert grasps != "three" and grasps.best is grasps[0] and grasps[:0].best is None
     with pytest.raises(IndexError):
         grasps[3]
@@ -125,10 +127,20 @@ def test_every_format_by_its_name(tmp_path: Path) -> None:
     grasps = three()
     written = grasps.save(tmp_path)
     files = ["grasps.json", "isaac_grasp.yaml", "moveit_grasps.json", "graspnet.npy", "graspnet.joints.json"]
+    files.append("grasps.glb")
     assert [path.name for path in written] == files and {path.name for path in tmp_path.iterdir()} == set(files)
     assert [grasp.confidence for grasp in read_isaac(written[1]).grasps] == [0.875, 0.5, 0.25]
     assert len(json.loads(written[2].read_text())["grasps"]) == 3 and len(np.load(written[3])) == 3
     assert [path.name for path in grasps.save(tmp_path / "two", ["moveit", "json", "moveit"])] == [files[2], files[0]]
+
+
+def test_who_saves_learns_what_graspnet_cannot_say(tmp_path: Path) -> None:
+    """Three fingers are no jaw."""
+    fingers = Grasps(three().grasps, {**GRIPPERS, "NPG": replace(GRIPPERS["NPG"], jaw=False)})
+    with pytest.warns(UserWarning, match=r"graspnet\.npy: 1 grasps left out"):
+        (path, _) = fingers.save(tmp_path, "graspnet")
+    assert len(np.load(path)) == 2
+    fingers.save(tmp_path, "json")
 
 
 def test_what_cannot_be_saved_is_told_and_nothing_is_written(tmp_path: Path) -> None:

@@ -2,8 +2,8 @@
 
 Each was compared with its source, and none differed.
 - github.com/ros2/common_interfaces: CameraInfo at commit 27b84d3, Image 22012ae, PointField e05fcce, PointCloud2
-  202d9d8, JointTrajectory ba32be2, JointTrajectoryPoint 14c2783, Vector3 and Vector3Stamped 14dded9, PoseArray and PoseStamped
-  b94a858 (in geometry_interfaces, their package before).
+  202d9d8, JointTrajectory ba32be2, JointTrajectoryPoint 14c2783, Vector3 and Vector3Stamped 14dded9, PoseArray and
+  PoseStamped b94a858 (in geometry_interfaces, their package before).
 - github.com/ros2/rcl_interfaces: Time and Duration at commit 401fd11.
 - github.com/moveit/moveit_msgs: Grasp at commit 28ec33e; GraspPlanning b5c61b7 and MoveItErrorCodes 1b6ec53, with which
   `node` answers.
