@@ -48,7 +48,7 @@ def chosen(formats: str | Sequence[str] | None) -> list[str]:
 
 
 def left_out(grasps: Grasps) -> str | None:
-    """A line on the grasps that graspnetAPI's array, which knows two-finger jaws alone, cannot say; None: it says all."""
+    """What graspnetAPI's array, which knows two-finger jaws alone, cannot say, in a line; None: it says all."""
     left = len(grasps) - len(_jaws(grasps))
     if not left:
         return None
