@@ -67,7 +67,7 @@ class Client:
             K: 3 x 3, or fx, fy, cx, cy.
             file: path of a cloud, a mesh or a depth image (then K, or intrinsics= a file), or a list of paths of views.
             T_input_camera: (4, 4) pose of the depth image's camera, m.
-            settings: top (grasps of each type), types ("NPG,WPG"), viewpoint (x, y, z), table ("find" or a, b, c, d),
+            settings: top (grasps of each type), types (NPG,WPG), viewpoint (x, y, z), table (find, or a, b, c, d),
                 crop_low, crop_high, unit and others that /docs lists; mask, segments: arrays in the shape of the
                 input, or paths; normals: array in the shape of the points; intrinsics, poses: paths.
 

@@ -21,6 +21,34 @@ _POSE = {
     "description": "4 x 4, rows first, lengths in m, in the frame of what was sent",
 }
 _JOINTS = {"type": "object", "additionalProperties": {"type": "number"}, "description": "joint -> rad or m"}
+_GRASP: Schema = {
+    "type": {"type": "string", "description": "grasp type of the hand"},
+    "probability": {"type": "number", "minimum": 0, "maximum": 1, "description": "that it holds"},
+    "support": {"type": "integer", "description": "votes for it"},
+    "target": {"type": "integer", "description": "number of what it grasps, of `segments`; else 1"},
+    "score": {"type": "number", "description": "what ranks"},
+    "gripper": {"type": "string"},
+    "width": {"type": "number", "description": "m between the pads of the open hand"},
+    "T_input_tcp": _POSE,
+    "T_input_base": _POSE,
+    "T_input_pregrasp": _POSE,
+    "joints": _JOINTS,
+    "closed": _JOINTS,
+    "voted_by": {"type": "array", "items": {"type": "object"}},
+}
+_JUDGED = {"type": "object", "description": "P(free), and P(holds | free), where a judge ranked"}
+_MODEL = {
+    "type": "object",
+    "properties": {
+        **{name: {"type": "string"} for name in ("name", "hand", "ranked_by", "version")},
+        "types": {"type": "array", "items": {"type": "string"}},
+        "digest": {
+            "type": "object",
+            "description": "SHA-256 of its files",
+            "additionalProperties": {"type": "string"},
+        },
+    },
+}
 _ROWS = {"type": "array", "items": {}}
 _BODIES = {
     "points": {**_ROWS, "description": "(N, 3) or (H, W, 3), m or `unit`; null, NaN and 0 0 0: no reading"},
@@ -135,34 +163,6 @@ def _content(config: ServeConfig, reasons: Mapping[str, str]) -> dict[str, Schem
 
 def _answers() -> dict[str, Schema]:
     """The objects that are answered."""
-    grasp = {
-        "type": {"type": "string", "description": "grasp type of the hand"},
-        "probability": {"type": "number", "minimum": 0, "maximum": 1, "description": "that it holds"},
-        "support": {"type": "integer", "description": "votes for it"},
-        "target": {"type": "integer", "description": "number of what it grasps, of `segments`; else 1"},
-        "score": {"type": "number", "description": "what ranks"},
-        "gripper": {"type": "string"},
-        "width": {"type": "number", "description": "m between the pads of the open hand"},
-        "T_input_tcp": _POSE,
-        "T_input_base": _POSE,
-        "T_input_pregrasp": _POSE,
-        "joints": _JOINTS,
-        "closed": _JOINTS,
-        "voted_by": {"type": "array", "items": {"type": "object"}},
-    }
-    judged = {"type": "object", "description": "P(free), and P(holds | free), where a judge ranked"}
-    model = {
-        "type": "object",
-        "properties": {
-            **{name: {"type": "string"} for name in ("name", "hand", "ranked_by", "version")},
-            "types": {"type": "array", "items": {"type": "string"}},
-            "digest": {
-                "type": "object",
-                "description": "SHA-256 of its files",
-                "additionalProperties": {"type": "string"},
-            },
-        },
-    }
     grasps = {
         "schema": {"const": 1},
         "frame": {"const": "input", "description": "that of what was sent"},
@@ -178,9 +178,9 @@ def _answers() -> dict[str, Schema]:
         "no_grasp": {"type": ["string", "null"], "description": "why there can be none"},
     }
     return {
-        "Grasp": {"type": "object", "properties": {**grasp, "judged": judged}, "required": list(grasp)},
+        "Grasp": {"type": "object", "properties": {**_GRASP, "judged": _JUDGED}, "required": list(_GRASP)},
         "Grasps": {"type": "object", "properties": grasps, "required": [key for key in grasps if key != "judge"]},
-        "Model": model,
+        "Model": _MODEL,
         "Health": {
             "type": "object",
             "properties": {

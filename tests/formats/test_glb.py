@@ -7,11 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 import trimesh
 from asymmetric import GRIPPERS, asymmetric, exact_pose
 
 from spgf_torch.errors import InputError
 from spgf_torch.formats.glb import Surroundings, write_glb
+from spgf_torch.grasps.grasps import Grasps, Source
+from spgf_torch.scene.scene import Scene
+from spgf_torch.sensing.texlets import Texlets
 
 # Two texlets 10 mm apart, one facing up and one +x, an obstacle, a table 50 mm below the origin.
 POSITIONS, NORMALS = np.array([[0.1, 0.2, 0.3], [0.11, 0.2, 0.3]]), np.array([[0.0, 0, 1], [1.0, 0, 0]])
@@ -137,6 +141,22 @@ def test_surroundings_move(tmp_path: Path) -> None:
     assert moved.table is not None
     on_table = T @ [0.7, 0.3, -0.05, 1]
     assert moved.table @ on_table == pytest.approx(0) and moved.table[:3] == pytest.approx([0, -2, 0])
+
+
+def test_saved_grasps_and_their_cloud_move_together(path: Path, tmp_path: Path) -> None:
+    """By `Grasps.save`: moved 1 m along x, all is (x + 1, z, -y); grasps without their scene are hands alone."""
+    texlets = Texlets(*(torch.from_numpy(part).float() for part in (POSITIONS, NORMALS)))
+    seen = Scene(texlets, torch.ones(2), torch.from_numpy(OBSTACLES).float(), TABLE, None, None, 0.005, ())
+    source = Source(None, seen, np.eye(4))  # type: ignore[arg-type]
+    grasps, T = Grasps(tuple(GRASPS), GRIPPERS, source=source), np.eye(4)
+    T[0, 3] = 1.0
+    assert grasps.transform(T).save(tmp_path, "glb") == [tmp_path / "grasps.glb"]
+    scene = trimesh.load_scene(tmp_path / "grasps.glb")
+    first = trimesh.load_scene(path)
+    for name in ("cloud", "obstacles", "table", "rank_1_WPG"):
+        np.testing.assert_allclose(points_of(scene, name) - points_of(first, name) - T[:3, 3], 0, atol=1e-6)
+    replace(grasps, source=None).save(tmp_path, ["glb"])
+    assert len(trimesh.load_scene(tmp_path / "grasps.glb").geometry) == 3
 
 
 def test_nothing_and_what_does_not_fit(tmp_path: Path) -> None:
