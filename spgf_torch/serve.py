@@ -20,7 +20,7 @@ def run(config: ServeConfig, folder: Path) -> None:
     Raises InputError for a model that there is not, an address that cannot be had, and where an extra is missing.
     """
     for package in ("starlette", "uvicorn", "python_multipart", "prometheus_client"):
-        needed("serve", package)
+        needed("the server", package)
     if config.model is None:
         raise InputError(
             "model: expected a folder (model=FOLDER) or the hand of a shipped model (--hand NAME), got none"

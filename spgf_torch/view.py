@@ -20,7 +20,7 @@ def run(config: ViewConfig, folder: Path) -> None:
 
     Raises InputError for a folder or a model that there is not, and where the extra is missing.
     """
-    needed("view", "viser")
+    needed("the page", "viser")
     if config.model is None:
         raise InputError(
             "model: expected a folder (model=FOLDER) or the hand of a shipped model (--hand NAME), got none"

@@ -109,6 +109,7 @@ NOT_THERE = [
     ("judge", "trials=missing"),
     ("clutter", "objects=missing"),
     ("clutter", "model=missing"),
+    ("serve", "model=missing"),
 ]
 
 
