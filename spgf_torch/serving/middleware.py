@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from collections.abc import Awaitable, Callable, MutableMapping, Sequence
 from typing import Any
@@ -19,6 +20,8 @@ Scope = MutableMapping[str, Any]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
+# Counted and told where nobody was there any more to be answered.
+UNANSWERED = 499
 # Counted together: addresses that there are not.
 OTHER = "other"
 
@@ -36,7 +39,7 @@ class Guarded:
     async def __call__(self, scope: Scope, receive: Any, send: Send) -> None:
         if scope["type"] != "http":
             return
-        start, status = time.perf_counter(), 499  # nobody was there to be answered
+        start, status = time.perf_counter(), UNANSWERED
 
         async def send_and_see(message: MutableMapping[str, Any]) -> None:
             nonlocal status
@@ -49,6 +52,10 @@ class Guarded:
             why = self._stranger(scope)
             app = self._app if why is None else JSONResponse({"error": one_line(why)}, 403)
             await app(scope, receive, send_and_see)
+        except asyncio.CancelledError:  # the server stops, and what it gave requests in flight (stop_seconds) is over
+            if status == UNANSWERED:
+                stopping = {"error": "expected an answer, but the server is stopping"}
+                await JSONResponse(stopping, 503)(scope, receive, send_and_see)
         finally:
             seconds = time.perf_counter() - start
             self._metrics.answered(self._path(scope), status, seconds)

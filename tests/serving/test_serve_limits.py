@@ -243,3 +243,19 @@ def test_the_address_is_told_where_it_cannot_be_had(tmp_path: Path) -> None:
         bound("127.0.0.1", port)
     with pytest.raises(InputError, match=r"host: expected an address of this machine, got '300\.1\.1\.1'"):
         bound("300.1.1.1", 0)
+
+
+def test_what_is_not_done_when_the_server_must_stop_is_told_in_a_line(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    go, answers = threading.Event(), list[Any]()
+    with alone(tmp_path, stop_seconds=0.1, quiet=True) as server:
+        server.process.does = lambda: go.wait(20) and None
+        asking = threading.Thread(target=lambda: answers.append(ask_for_grasps(server)))
+        asking.start()
+        time.sleep(0.3)
+        stopping = threading.Timer(2.5, go.set)  # uvicorn counts whole seconds: 1
+        stopping.start()
+    asking.join()
+    assert answers[0].status == 503 and answers[0].json == {"error": "expected an answer, but the server is stopping"}
+    assert "Traceback" not in caplog.text
