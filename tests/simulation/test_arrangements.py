@@ -168,7 +168,7 @@ def test_what_fits_does_so_at_every_size_that_may_be_drawn(obj, changes, fits):
     if fits:
         assert fitting([obj], config) == [obj]
     else:
-        with pytest.raises(InputError, match="^objects: expected some that"):
+        with pytest.raises(InputError, match=r"^objects: expected some that"):
             fitting([obj], config)
 
 
