@@ -8,7 +8,7 @@ from typing import Any
 from spgf_torch.affordance.config import NESTED
 from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.reliability import score_table
-from spgf_torch.evaluation.results import KNOWS_MORE, chosen_words
+from spgf_torch.evaluation.results import KNOWS_MORE, NO_RATES, chosen_words
 from spgf_torch.evaluation.success import ALL
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.files.card_header import card_header
@@ -61,10 +61,22 @@ shape-grasp particles within {1000 * affordance.reach:g} mm, neighbourhoods of {
 {size / 1e6:.0f} MB.
 
 ## Results on novel objects
-{config.folds}-fold cross-validation over objects: success-rate (%) of the {config.N} highest-ranked grasps, with its
-95 % interval over objects. One seed ({config.seed}): other folds, noise and draws would move the rates, and are not in
-the intervals. CG: all grasp types in one ranking. The model in this folder learned from all objects; these rates are of
-its siblings in the folds.
+{_measured(results, config) if NO_RATES not in results else _unmeasured(results, objects)}
+
+## Intended use
+{USE}
+
+## Limits
+{LIMITS}
+"""
+
+
+def _measured(results: Mapping[str, Any], config: TrainConfig) -> str:
+    return f"""\
+{results["folds"]}-fold cross-validation over objects: success-rate (%) of the {config.N} highest-ranked grasps, with
+its 95 % interval over objects. One seed ({config.seed}): other folds, noise and draws would move the rates, and are not
+in the intervals. CG: all grasp types in one ranking. The model in this folder learned from all objects; these rates are
+of its siblings in the folds.
 
 Ranked as in the paper.{_other_data(config)}
 
@@ -77,14 +89,13 @@ Ranked as in the paper.{_other_data(config)}
 Probabilities of success on the candidates of novel objects, beside those of a predictor that knows how often candidates
 with and without a sensed collision succeed, and nothing else:
 
-{_calibration(results)}
+{_calibration(results)}"""
 
-## Intended use
-{USE}
 
-## Limits
-{LIMITS}
-"""
+def _unmeasured(results: Mapping[str, Any], objects: int) -> str:
+    known = "not calibrated" if objects == 1 else "calibrated on these objects alone, each held out once"
+    return f"""\
+Not measured: {results[NO_RATES]}. Its probabilities are {known}."""
 
 
 def _dictionary(results: Mapping[str, Any]) -> str:

@@ -40,6 +40,8 @@ class TrainConfig(ObjectsConfig):
     judge: str = field(default="none", metadata={"choice": ("none", "learn")})
     own_trials: str | None = text(None)
     judging: dict[str, Any] = field(default_factory=dict)
+    random_trials: int = bounded(1, 1_000_000, 300)
+    recorded: dict[str, Any] = field(default_factory=dict)
     runner: str = field(default="local", metadata={"choice": ("local", "dask")})
     address: str | None = text(None)
     device: str = text()

@@ -17,7 +17,8 @@ from spgf_torch.affordance.pairs import CellPairs, grid_of
 from spgf_torch.cache import Cache
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.described_object import DescribedObject
-from spgf_torch.experiment.experiment import Design, Experiment, Learned
+from spgf_torch.experiment.design import Design
+from spgf_torch.experiment.experiment import Experiment, Learned
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.prototypes.estimator import Prototypes
 from spgf_torch.settings import settings
