@@ -10,7 +10,7 @@ from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.reliability import score_table
 from spgf_torch.evaluation.results import KNOWS_MORE, NO_RATES, chosen_words
 from spgf_torch.evaluation.success import ALL
-from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.experiment.config import TrainConfig, is_recorded
 from spgf_torch.files.card_header import card_header
 from spgf_torch.objects.config import CLASSES
 
@@ -50,9 +50,9 @@ def model_card(results: Mapping[str, Any], config: TrainConfig, objects: int, tr
 Written by `python -m spgf_torch.train` from the run beside it; every setting is in `config.yaml`.
 
 ## Data
-{objects} objects (`{config.objects}`), {trials:,} simulated trials (`{config.trials}`), dataset
-`{results["dataset"][:16]}`. {sensing.cameras} simulated depth camera(s) at {sensing.distance:g} m with noise; seed
-{config.seed}.
+{objects} object{"s" * (objects > 1)}, {trials:,} {"recorded" if is_recorded(config.trials) else "simulated"} trials \
+(`{config.trials}`), dataset `{results["dataset"][:16]}`.
+{_seen(config)} by {sensing.cameras} simulated depth camera(s) at {sensing.distance:g} m with noise; seed {config.seed}.
 
 ## Settings
 {_dictionary(results)}{config.K} prototypes of {described} of {1000 * config.features.radius:g} mm radius;
@@ -69,6 +69,13 @@ shape-grasp particles within {1000 * affordance.reach:g} mm, neighbourhoods of {
 ## Limits
 {LIMITS}
 """
+
+
+def _seen(config: TrainConfig) -> str:
+    which = f"`{config.objects}`"
+    if is_recorded(config.trials):
+        return f"What has a recorded cloud was seen by a real camera, other objects, of {which},\nare seen"
+    return f"The objects of {which} are seen"
 
 
 def _measured(results: Mapping[str, Any], config: TrainConfig) -> str:

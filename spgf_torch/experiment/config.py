@@ -81,3 +81,12 @@ class EvaluateConfig(ObjectsConfig):
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
     mujoco: MujocoConfig = field(default_factory=MujocoConfig)
     proposing: ProposingConfig = field(default_factory=ProposingConfig)
+
+
+# What the names of files of recorded trials end with.
+TABLES = (".parquet", ".csv")
+
+
+def is_recorded(trials: str) -> bool:
+    """Whether `trials` names a table of recorded trials; a folder is what `simulate` leaves."""
+    return trials.lower().endswith(TABLES)

@@ -15,7 +15,6 @@ from spgf_torch.files.parquet import parquet_table
 from spgf_torch.files.reading import reason, text
 
 WHAT = "a table of recorded trials"
-PARQUET, CSV = ".parquet", ".csv"
 MOST_ROWS = 1_000_000
 POSITION, QUATERNION, VIEW = ("x", "y", "z"), ("qw", "qx", "qy", "qz"), ("view_x", "view_y", "view_z")
 MATRIX = tuple(f"t{row}{column}" for row in range(3) for column in range(4))
@@ -23,15 +22,15 @@ COLUMNS = ("object", "success", "type", "frame", "cloud", "class", *POSITION, *Q
 
 
 def read_columns(path: Path) -> tuple[dict[str, list[Any]], tuple[str, ...]]:
-    """The known columns that a table has, by name, and the names of the others. An empty value is None."""
-    suffix = path.suffix.lower()
-    if suffix == PARQUET:
+    """The known columns that a table has, by name, and the names of the others. An empty value is None.
+
+    A file whose name does not end with .parquet is read as CSV.
+    """
+    if path.suffix.lower() == ".parquet":
         content = parquet_table(path, WHAT, None, MOST_ROWS)
         given = {name: values.to_pylist() for name, values in zip(content.column_names, content.columns, strict=True)}
-    elif suffix == CSV:
-        given = _csv(path)
     else:
-        raise InputError(f"{path}: expected {WHAT} ({PARQUET} or {CSV}), got {suffix or 'no suffix'}")
+        given = _csv(path)
     known: dict[str, list[Any]] = {}
     for name, values in given.items():
         if (plain := name.strip().lower()) in COLUMNS:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from spgf_torch.affordance.config import JUDGE
 from spgf_torch.command_settings import command_settings
 from spgf_torch.errors import InputError
-from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.experiment.config import TrainConfig, is_recorded
 from spgf_torch.extras import needed
 from spgf_torch.files.given_paths import check_folder, check_model
 from spgf_torch.files.reading import existing
 from spgf_torch.paths import find
-
-# Names that files of recorded trials end with.
-TABLES = (".parquet", ".csv")
 
 
 def check_settings(config: TrainConfig) -> None:
@@ -24,16 +19,11 @@ def check_settings(config: TrainConfig) -> None:
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
     if config.prototypes_from is not None:
         check_model("prototypes_from", config.prototypes_from)
-    if is_recorded(find(config.trials)):
+    if is_recorded(config.trials):
         existing(find(config.trials))
     else:
         check_folder("trials", config.trials, "the trial tables that simulate leaves, or a table of recorded ones")
     _check_judge(config)
-
-
-def is_recorded(path: Path) -> bool:
-    """Whether `trials` names a table of recorded trials; a folder is what `simulate` leaves."""
-    return path.is_file() or path.suffix.lower() in TABLES
 
 
 def default_trials() -> str:
@@ -91,7 +81,7 @@ def _check_judge(config: TrainConfig) -> None:
     """
     if config.judge != "none" and config.classwise:
         raise InputError(f"classwise: expected false with judge={config.judge}, got true")
-    if config.recorded and not is_recorded(find(config.trials)):
+    if config.recorded and not is_recorded(config.trials):
         raise InputError(f"recorded: expected with a file of recorded trials, got trials={config.trials}")
     given = {"own_trials": config.own_trials, "judging": config.judging}
     for key, value in given.items():

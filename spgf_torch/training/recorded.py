@@ -103,7 +103,7 @@ def _category(recording: Recording, where: str, config: TrainConfig) -> str:
 
 def _check_near(table: RecordedTable, its: Seen, trials: RecordedTrials) -> None:
     """InputError for a pose that has nothing to do with what was grasped."""
-    points = its.texlets.positions if isinstance(its, RecordedView) else torch.from_numpy(its.mesh.bounds).float()
+    points = its.texlets.positions if isinstance(its, RecordedView) else torch.tensor(its.mesh.bounds.tolist())
     low, high = points.min(dim=0).values, points.max(dim=0).values
     position = trials.T_object_tcp[:, :3, 3]
     away = (torch.maximum(low - position, position - high).clamp_min(0)).norm(dim=1)

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spgf_torch.affordance.config import JUDGE
-from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.experiment.config import TrainConfig, is_recorded
 from spgf_torch.files.run_settings import write_settings
-from spgf_torch.paths import find
 from spgf_torch.progress import ProgressReporter
-from spgf_torch.training.checks import check_hand, check_recorded, check_settings, is_recorded
+from spgf_torch.training.checks import check_hand, check_recorded, check_settings
 from spgf_torch.training.folds import design_of
 from spgf_torch.training.taught import Taught, Tell
 
@@ -86,7 +85,7 @@ def _opened(config: TrainConfig) -> Cache:
 
 
 def _material(config: TrainConfig, cache: Cache, stages: ProgressReporter, tell: Tell) -> Material:
-    if is_recorded(find(config.trials)):
+    if is_recorded(config.trials):
         from spgf_torch.training.recorded import recorded
 
         check_recorded(config)

@@ -56,7 +56,7 @@ def experiment(examples: list[DescribedObject], **changes: Any) -> Experiment:
     config.final_model, config.fold_models, config.affordance = False, True, AFFORDANCE
     for name, value in changes.items():
         setattr(config, name, value)
-    objects: Any = [SimpleNamespace(name=f"object {i}", digest=str(i)) for i in range(len(examples))]
+    objects: Any = [SimpleNamespace(name=f"object {i}", category="boxes", digest=str(i)) for i in range(len(examples))]
     design = Design(FOLD, np.arange(len(FOLD)), config.training_objects)
     return replace(Experiment.of(config, design, objects, examples, Cache(None)), fit=fitted)
 
