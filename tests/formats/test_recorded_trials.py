@@ -124,7 +124,10 @@ def test_a_bad_value_is_named_by_row_and_column(change: dict[str, Any], words: s
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("", "expected a table of recorded trials with the columns object, success, type (NPG, WPG), x, y, z, qw"),
+        (
+            "a,b\n1,2\n",
+            "expected a table of recorded trials with the columns object, success, type (NPG, WPG), x, y, z, qw",
+        ),
         ("object,success,type,x,y,z,qw,qx,qy,qz\n", "expected a table of recorded trials, got no row"),
         ("object,x,X,success\n", "expected each column once, got x twice"),
         ("object,success\nmug\n", "row 1: expected 2 values, got 1"),
