@@ -115,8 +115,8 @@ def test_pairs_of_several_clouds_are_numbered_through() -> None:
     ("change", "words"),
     [
         ({"object": "teapot"}, "row 1: object: expected one of objects="),
-        ({"x": 700.0, "y": 0.0}, "row 1: x: expected metres, 10 at most, got 700.0"),
-        ({"x": 0.9}, "row 1: x: expected a TCP within 0.2 m of sponge, got one 0."),
+        ({"x": 700.0, "y": 0.0}, "row 1: x: expected metres, 10 at most, got '700.0'"),
+        ({"x": 0.9}, ": x: expected a TCP within 0.2 m of sponge, got one 0."),
         ({"cloud": "none.pcd"}, "row 1: cloud: expected a file in "),
     ],
 )
