@@ -33,7 +33,7 @@ def objects_in(folder: Path, *names: str) -> Path:
     return folder
 
 
-def trained(objects: Any, out: Path, **changes: Any) -> "spgf_torch.Predictor":
+def trained(objects: Any, out: Path | None, **changes: Any) -> "spgf_torch.Predictor":
     return spgf_torch.train(objects, out=out, **{"trials": ROOT / "data/trials", **SMALL, **changes})
 
 

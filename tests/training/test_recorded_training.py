@@ -53,16 +53,17 @@ def test_a_table_of_ones_own_teaches_what_ours_does(
     assert "4,000 recorded trials" in (tmp_path / "theirs/README.md").read_text()
 
 
-def test_parquet_in_any_order_teaches_the_same(objects: Path, tmp_path: Path) -> None:
-    """But for which of an object's trials are drawn, its own order counts."""
+def test_parquet_in_any_order_teaches_the_same(objects: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trials of one object keep their order, between which those of others may stand. Without `out` nothing is left."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     rows = {name: rows_of(name, range(900, 1100)) for name in NAMES}
     mixed = [row for pair in zip(*rows.values(), strict=True) for row in pair]
     pq.write_table(pa.Table.from_pylist(mixed), tmp_path / "mixed.parquet")
     written(tmp_path / "apart.csv", [row for own in rows.values() for row in own])
-    models = [trained(objects, tmp_path / Path(name).stem, trials=tmp_path / name).model for name in
-              ("mixed.parquet", "apart.csv")]  # fmt: skip
-    assert models[0] is not None and models[1] is not None
-    assert torch.equal(models[0].condensed.probability, models[1].condensed.probability)
+    first, second = (trained(objects, None, trials=tmp_path / name).model for name in ("mixed.parquet", "apart.csv"))
+    assert first is not None and second is not None
+    assert torch.equal(first.condensed.probability, second.condensed.probability)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["apart.csv", "mixed.parquet"]
 
 
 def clouds(folder: Path, name: str, cameras: int, rows: list[dict]) -> list[dict]:

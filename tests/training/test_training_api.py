@@ -9,7 +9,7 @@ import trimesh
 from commands import ROOT
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
-from small_trainings import SMALL, objects_in, trained
+from small_trainings import trained
 
 import spgf_torch
 import spgf_torch.train as module
@@ -116,10 +116,3 @@ def test_without_trials_random_ones_are_made(tmp_path: Path) -> None:
     again = trained(tmp_path / "run/objects", tmp_path / "again", **{**changes, "trials": tmp_path / "run/trials"})
     assert again.model is not None and again.model.settings["taught"] == model.model.settings["taught"]
     assert (tmp_path / "run/model.safetensors").read_bytes() == (tmp_path / "again/model.safetensors").read_bytes()
-
-
-def test_nothing_is_left_where_no_folder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    objects = objects_in(tmp_path / "objects", "sponge")
-    model = spgf_torch.train(objects, trials=ROOT / "data/trials", **SMALL)
-    assert model.model is not None and [path.name for path in tmp_path.iterdir()] == ["objects"]
