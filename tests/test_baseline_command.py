@@ -3,17 +3,15 @@
 import json
 import shutil
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hydra import compose, initialize_config_dir
+from composing import composed
 from omegaconf import OmegaConf
 
 from spgf_torch.baseline import run
 from spgf_torch.baselines.config import BaselineConfig
-from spgf_torch.cli.command import slug
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.export import run as export
@@ -41,15 +39,8 @@ TINY = [
 ]
 
 
-@cache
-def composed(command: str, *overrides: str) -> Any:
-    OmegaConf.register_new_resolver("slug", slug, replace=True)
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return OmegaConf.to_container(compose(command, overrides=[*COARSE, *overrides]), resolve=True)
-
-
 def baseline(changes: dict[str, Any], folder: str = "run") -> BaselineConfig:
-    values = OmegaConf.create(composed("baseline", *TINY))
+    values = OmegaConf.create(composed("baseline", *COARSE, *TINY))
     for key, value in changes.items():
         OmegaConf.update(values, key, value)
     config = typed(BaselineConfig, values)
@@ -79,7 +70,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         settings = json.dumps({"candidates": 50, "seed": read_table(Path("trials/egg.parquet")).provenance.seed})
         Path("trials/config.yaml").write_text(settings)
         small = ["format=webdataset", "out=data", "samples.points=20", "samples.per_shard=120"]
-        export(typed(ExportConfig, composed("export", *small)), Path("run"))
+        export(typed(ExportConfig, composed("export", *COARSE, *small)), Path("run"))
     return folder
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hydra import compose, initialize_config_dir
+from composing import config_of
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
@@ -99,9 +99,7 @@ def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def config(command: str, *arguments: str) -> Any:
     """The settings that a run would get."""
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        composed = compose(command, translated(command, KINDS[command], arguments))
-    return _config(KINDS[command], composed)
+    return _config(KINDS[command], config_of(command, *translated(command, KINDS[command], arguments)))
 
 
 def refused(command: str, *arguments: str) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hydra import compose, initialize_config_dir
+from composing import composed
 from omegaconf import OmegaConf
 
 from spgf_torch.affordance.config import AffordanceConfig
@@ -28,13 +28,6 @@ from spgf_torch.simulation.config import EpisodeConfig, SamplerConfig, SimulateC
 
 CONF = Path(__file__).parents[1] / "conf"
 OmegaConf.register_new_resolver("slug", slug, replace=True)
-
-
-def composed(command: str, *overrides: str) -> dict:
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        values = OmegaConf.to_container(compose(command, overrides=list(overrides)), resolve=True)
-    assert isinstance(values, dict)
-    return values
 
 
 ROOMS = (

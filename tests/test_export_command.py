@@ -4,12 +4,10 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from composing import composed
 
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
@@ -29,10 +27,8 @@ COARSE = ["sensing.width=160", "sensing.height=120", "sensing.focal=144"]
 
 
 def export(*overrides: str) -> None:
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        composed: Any = OmegaConf.to_container(compose("export", overrides=[*SMALL, *COARSE, *overrides]), resolve=True)
     Path("run").mkdir(exist_ok=True)
-    run(typed(ExportConfig, composed), Path("run"))
+    run(typed(ExportConfig, composed("export", *SMALL, *COARSE, *overrides)), Path("run"))
 
 
 def says(*overrides: str) -> str:

@@ -6,22 +6,18 @@ from pathlib import Path
 
 import pytest
 from commands import call
-from hydra import compose, initialize_config_dir
+from composing import composed
 from matplotlib.image import imread
-from omegaconf import OmegaConf
 
 from spgf_torch.errors import InputError
 from spgf_torch.generate import run
 from spgf_torch.objects.config import GenerateConfig
 from spgf_torch.objects.library import load_objects
-from spgf_torch.paths import root
 from spgf_torch.settings import typed
 
 
 def settings(**changes: object) -> GenerateConfig:
-    with initialize_config_dir(str(root() / "conf"), version_base="1.3"):
-        values = OmegaConf.to_container(compose("generate"), resolve=True)
-    return typed(GenerateConfig, {**values, **changes})  # type: ignore[dict-item]
+    return typed(GenerateConfig, {**composed("generate"), **changes})  # type: ignore[dict-item]
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import yaml
 from commands import ROOT
-from hydra import compose, initialize_config_dir
+from composing import config_of
 from omegaconf import OmegaConf
 
 from spgf_torch.cli.command import _config, slug
@@ -29,8 +29,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def config(*arguments: str) -> Any:
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return _config(SimulateConfig, compose("simulate", translated("simulate", SimulateConfig, arguments)))
+    return _config(SimulateConfig, config_of("simulate", *translated("simulate", SimulateConfig, arguments)))
 
 
 def test_a_file_is_a_hand_as_those_of_conf_are(folder: Path) -> None:

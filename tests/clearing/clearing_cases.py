@@ -1,12 +1,10 @@
 """Small scenes of clutter, made by hand."""
 
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import trimesh
-from commands import ROOT
-from hydra import compose, initialize_config_dir
+from composing import composed
 from omegaconf import OmegaConf
 
 from spgf_torch.clearing.config import ClutterConfig
@@ -39,16 +37,10 @@ OBJECTS = (block("tall", 0.03, 0.04, 0.12), block("flat", 0.05, 0.06, 0.03), blo
 PLACED = (standing(OBJECTS[0], -0.08, 0.02), standing(OBJECTS[1], 0.07, 0.03), standing(OBJECTS[2], 0.0, -0.09))
 
 
-@cache
-def composed(hand):
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return compose("clutter", overrides=[f"hand={hand}", "objects=data/objects"])
-
-
 def config(hand="sdh2", **changes):
     """Settings of a quick run, with one small image; what is changed may be a part of a group."""
     small = {"sensing.width": 160, "sensing.height": 120, "sensing.focal": 144, "workers": 1, "bootstrap": 1000}
-    values = OmegaConf.create(OmegaConf.to_container(composed(hand), resolve=True))
+    values = OmegaConf.create(composed("clutter", f"hand={hand}", "objects=data/objects"))
     for key, value in {"film": None, **small, **changes}.items():
         OmegaConf.update(values, key, str(value) if isinstance(value, Path) else value)
     return typed(ClutterConfig, OmegaConf.to_container(values))

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 import torch
 import trimesh
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from composing import composed
 from rich.console import Console
 from trial_objects import box, can, from_above
 
@@ -25,7 +24,6 @@ from spgf_torch.experiment.describe import Grasps
 from spgf_torch.experiment.execution import Executed, execute_draws
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
-from spgf_torch.paths import root
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.reporting.pages.failures_page import failures_page
 from spgf_torch.settings import typed
@@ -114,11 +112,6 @@ def test_the_page_says_why() -> None:
         ["&lt;a&gt;", "2", "7", "WPG", "missed", "lift", "one side", "1.3", "left_tip, left_pad"],
         ["b", "0", "1", "NPG", "slipped", "", "", "", ""],
     ]
-
-
-def composed(command: str, *overrides: str) -> Any:
-    with initialize_config_dir(str(root() / "conf"), version_base="1.3"):
-        return OmegaConf.to_container(compose(command, overrides=list(overrides)), resolve=True)
 
 
 def test_draws_are_those_after_the_episodes_own() -> None:

@@ -14,8 +14,7 @@ import torch
 import trimesh
 import yaml
 from commands import call
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from composing import composed
 
 import spgf_torch
 from spgf_torch.affordance.model import load_model
@@ -57,12 +56,6 @@ TINY = [
     "prototypes.subsample=1000",
     "inner_grasps=200",
 ]
-
-
-def composed(command: str, *overrides: str) -> Any:
-    """The settings of a command, as Hydra composes them."""
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return OmegaConf.to_container(compose(command, overrides=list(overrides)), resolve=True)
 
 
 def says(run: Callable, kind: type, words: list[str], command: str, *overrides: str) -> None:

@@ -15,8 +15,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from composing import composed
 
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.paths import root
@@ -47,11 +46,9 @@ def results(folder: Path) -> dict:
     (folder / "objects").mkdir()
     for name in NAMES:
         shutil.copy(root() / f"data/objects/{name}.yaml", folder / "objects")
-    with initialize_config_dir(str(root() / "conf"), version_base="1.3"):
-        composed = OmegaConf.to_container(compose("train", overrides=SMALL), resolve=True)
     (folder / "run").mkdir()
     os.chdir(folder)
-    run(typed(TrainConfig, composed), folder / "run")
+    run(typed(TrainConfig, composed("train", *SMALL)), folder / "run")
     return json.loads((folder / "run/results.json").read_text())
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import ROOT, call
-from hydra import compose, initialize_config_dir
+from composing import config_of
 from omegaconf import OmegaConf
 from PIL import Image
 from wrong_hands import PADS, Wrong, each, load, three_fingers, top, write
@@ -37,9 +37,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def settings(*arguments: str) -> HandCheckConfig:
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        composed = compose("hand", translated("hand", HandCheckConfig, arguments))
-    return _config(HandCheckConfig, composed)
+    return _config(HandCheckConfig, config_of("hand", *translated("hand", HandCheckConfig, arguments)))
 
 
 def test_a_bare_urdf_is_a_setting_of_its_own() -> None:

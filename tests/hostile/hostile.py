@@ -19,15 +19,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hydra import compose, initialize_config_dir
+from composing import composed as hydras
 from hydra.errors import HydraException
-from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model import FORMAT, SCHEMA
-from spgf_torch.cli.command import fail, slug
+from spgf_torch.cli.command import fail
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
 from spgf_torch.features.config import FeatureConfig
@@ -74,11 +73,8 @@ def table(cases: list[Case]) -> Any:
 @cache
 def defaults(command: str) -> dict[str, Any]:
     """The settings of a command, as Hydra composes them."""
-    OmegaConf.register_new_resolver("slug", slug, replace=True)
     given = {"train": ["K=4"], "predict": ["input=none"], "evaluate": ["objects=none"]}.get(command, [])
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        values = OmegaConf.to_container(compose(command, given), resolve=True)
-    assert isinstance(values, dict)
+    values: dict[str, Any] = hydras(command, *given)
     return values
 
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from composing import composed
 
 from spgf_torch.affordance.pairs import CellPairs
 from spgf_torch.cache import Cache
@@ -39,9 +38,8 @@ Given = tuple[list[GraspObject], list[TrialTable], list[DescribedObject]]
 
 @pytest.fixture(scope="module")
 def config() -> TrainConfig:
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        overrides = ["K=4", "ranking=judge", f"trials_per_object={TAUGHT}", *FEW_PIXELS]
-        return typed(TrainConfig, OmegaConf.to_container(compose("train", overrides=overrides), resolve=True))
+    overrides = ["K=4", "ranking=judge", f"trials_per_object={TAUGHT}", *FEW_PIXELS]
+    return typed(TrainConfig, composed("train", *overrides))
 
 
 @pytest.fixture(scope="module")

@@ -9,15 +9,13 @@ from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
 import trimesh
-from hydra import compose, initialize_config_dir
+from composing import composed
 from judges import quick_judge, saved
-from omegaconf import OmegaConf
 
 import spgf_torch
 from spgf_torch.errors import InputError
@@ -51,11 +49,6 @@ SMALL += ["affordance.features_per_object=40", "prototypes.restarts=1", "prototy
 TINY = {"candidates": 12, "rounds": 1, "best": 1, "random": 1, "one_view": 1, "four_views": 0, "hypotheses.seeds": 6}
 TINY |= {"hypotheses.hypotheses": 60, "learning.trees": 5, "learning.least": 3}
 LEARN = ["judge=learn", *(f"+judging.{key}={value}" for key, value in TINY.items())]
-
-
-def composed(command: str, *overrides: str) -> Any:
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return OmegaConf.to_container(compose(command, overrides=list(overrides)), resolve=True)
 
 
 @pytest.fixture(scope="module")

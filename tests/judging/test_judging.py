@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 import torch
 from commands import call
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from composing import composed
 from sklearn.metrics import roc_auc_score
 
 from spgf_torch.cache import Cache
@@ -78,9 +77,7 @@ SCENES = [
 
 
 def config(*overrides: str) -> JudgeConfig:
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        composed = compose("judge", overrides=[*TINY, *overrides])
-        return typed(JudgeConfig, OmegaConf.to_container(composed, resolve=True))
+    return typed(JudgeConfig, composed("judge", *TINY, *overrides))
 
 
 @pytest.fixture(scope="module")

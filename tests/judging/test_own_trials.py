@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from composing import composed
 from test_judging import OBJECTS, config
 
 from spgf_torch.cache import Cache
@@ -161,12 +160,6 @@ def test_a_judge_from_tables_is_that_of_the_run_to_the_bit(tmp_path: Path, monke
     assert {path.name for path in Path("second").iterdir()} == {"judge.json", "judge.safetensors", "README.md"}
     for name in ("judge.json", "judge.safetensors", "README.md"):
         assert Path("first", name).read_bytes() == Path("second", name).read_bytes()
-
-
-def composed(command: str, *overrides: str) -> dict:
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        values = OmegaConf.to_container(compose(command, overrides=list(overrides)), resolve=True)
-    return values  # type: ignore[return-value]
 
 
 def test_train_learns_with_the_settings_of_judge() -> None:

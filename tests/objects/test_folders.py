@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from hydra import compose, initialize_config_dir
+from composing import composed
 from omegaconf import OmegaConf
 
 from spgf_torch.cache import Cache
@@ -250,11 +250,6 @@ def test_many_meshes_are_cut_by_several_processes_as_by_one(tmp_path: Path) -> N
 
 
 OmegaConf.register_new_resolver("slug", slug, replace=True)
-
-
-def composed(command: str, *overrides: str) -> Any:
-    with initialize_config_dir(str(root() / "conf"), version_base="1.3"):
-        return OmegaConf.to_container(compose(command, overrides=list(overrides)), resolve=True)
 
 
 def test_a_mesh_folder_is_simulated_and_trained_on(tmp_path: Path) -> None:

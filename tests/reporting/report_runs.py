@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from hydra import compose, initialize_config_dir
+from composing import composed
 from omegaconf import OmegaConf
 
 from spgf_torch.affordance.calibration import NUMBERS, Calibration
 from spgf_torch.affordance.config import RANKINGS
 from spgf_torch.affordance.model import GraspModel, save_model
 from spgf_torch.affordance.neighbourhood import Condensed
-from spgf_torch.cli.command import slug
 from spgf_torch.evaluation.files import FILES, RESULTS, write_per_object, write_results
 from spgf_torch.evaluation.predictions import Predictions, write_predictions
 from spgf_torch.evaluation.results import build_results
@@ -32,11 +31,8 @@ CANDIDATES = 20  # of each type
 @cache
 def defaults() -> dict:
     """The settings of a run with few pixels, as plain values."""
-    OmegaConf.register_new_resolver("slug", slug, replace=True)
     fewer = ["K=3", "sensing.width=160", "sensing.height=120", "sensing.focal=144", "bootstrap=100", "folds=3", "N=4"]
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        values = OmegaConf.to_container(compose("train", fewer), resolve=True)
-    assert isinstance(values, dict)
+    values = composed("train", *fewer)
     return {**values, "objects": str(ROOT / "data/objects")}
 
 

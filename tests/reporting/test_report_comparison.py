@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from composing import composed
 from PIL import Image
-from report_runs import ROOT, defaults, rewritten, without_ranking, write_run
+from report_runs import defaults, rewritten, without_ranking, write_run
 
 from spgf_torch.compare import run
 from spgf_torch.errors import InputError
@@ -29,10 +28,7 @@ ROWS = ("fpfh", "normal_only", "patch_pairs", "random_axis", "spgf")
 
 
 def config(**changes: Any) -> CompareConfig:
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        values = OmegaConf.to_container(compose("compare", ["bootstrap=100", "K=3"]), resolve=True)
-    assert isinstance(values, dict)
-    return typed(CompareConfig, {**values, "baseline": None, **changes})
+    return typed(CompareConfig, {**composed("compare", "bootstrap=100", "K=3"), "baseline": None, **changes})
 
 
 def features(**changes: str) -> dict[str, Any]:
@@ -77,9 +73,7 @@ def found(folder: Path, **changes: Any) -> tuple[dict[str, dict[int, Repeats]], 
 
 @pytest.mark.parametrize("name", ROWS)
 def test_every_committed_row_composes_and_differs_in_what_it_says(name: str) -> None:
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        values = OmegaConf.to_container(compose("train", [f"+comparison={name}"]), resolve=True)
-    assert isinstance(values, dict)
+    values = composed("train", f"+comparison={name}")
     values["K"] = values["prototypes"]["num_clusters"] if values["K"] == "???" else values["K"]
     made = typed(TrainConfig, values)
     expected = {"normal_only": ("spgf", "random", 1), "random_axis": ("spgf", "random", 20)}

@@ -18,8 +18,7 @@ from typing import Any
 
 import uvicorn
 from commands import ROOT
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from composing import composed
 
 from spgf_torch.serving.app import App
 from spgf_torch.serving.config import ServeConfig
@@ -110,9 +109,7 @@ def serving(folder: Path, *overrides: str) -> Iterator[Running]:
 
 def settings(**changes: Any) -> ServeConfig:
     """The settings in conf/, with changes."""
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        values: Any = OmegaConf.to_container(compose("serve", overrides=[]), resolve=True)
-    return typed(ServeConfig, {**values, "model": "none", **changes})
+    return typed(ServeConfig, {**composed("serve"), "model": "none", **changes})
 
 
 class Pretended:

@@ -7,8 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from composing import composed
 from trial_objects import ball, bin_, box, can, cup, from_above, from_side
 
 from spgf_torch.hands.config import grasp_types
@@ -72,9 +71,7 @@ def test_empty_space_is_missed(hand, episode):
 
 def test_fast_is_the_same_episode_in_other_steps():
     """What EPISODES says of it here, and nothing else."""
-    with initialize_config_dir(str(root() / "conf"), version_base="1.3"):
-        composed = compose("simulate", ["episode=fast"])
-    fast = typed(EpisodeConfig, OmegaConf.to_container(composed.episode))
+    fast = typed(EpisodeConfig, composed("simulate", "episode=fast")["episode"])
     assert fast == settings(EpisodeConfig, **EPISODES["fast"])
 
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 import yaml
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from composing import composed
 from trial_objects import ball, bin_, box, can, cup, from_above, from_side
 
 from spgf_torch import evaluate, simulate, train
@@ -192,10 +191,9 @@ TINY = [
 ]
 
 
-def composed(command: str, kind: type, *overrides: str):
+def settled(command: str, kind: type, *overrides: str):
     """The settings that the command would have with these overrides."""
-    with initialize_config_dir(str(root() / "conf"), version_base="1.3"):
-        return typed(kind, OmegaConf.to_container(compose(command, list(overrides)), resolve=True))
+    return typed(kind, composed(command, *overrides))
 
 
 def test_simulate_train_evaluate(tmp_path: Path):
@@ -206,15 +204,15 @@ def test_simulate_train_evaluate(tmp_path: Path):
     for name in NAMES:
         shutil.copy(root() / f"data/objects/{name}.yaml", objects)
     sizes = [f"objects={objects}", "candidates=30", "workers=1"]
-    simulate.run(composed("simulate", SimulateConfig, "hand=panda", f"out={table}", *sizes), tmp_path)
+    simulate.run(settled("simulate", SimulateConfig, "hand=panda", f"out={table}", *sizes), tmp_path)
 
     learn = [f"objects={objects}", f"trials={table}", "hand=panda", *TINY]
-    train.run(composed("train", TrainConfig, *learn), model)
+    train.run(settled("train", TrainConfig, *learn), model)
     assert "panda" in (model / "README.md").read_text()
     with pytest.raises(InputError, match=r"banana\.parquet: expected trials made with hand_digest"):
-        train.run(composed("train", TrainConfig, *learn, "hand=sdh2"), tmp_path)
+        train.run(settled("train", TrainConfig, *learn, "hand=sdh2"), tmp_path)
     with pytest.raises(InputError, match="expected trials made with hand_digest"):
-        train.run(composed("train", TrainConfig, *learn, "trials=data/trials"), tmp_path)
+        train.run(settled("train", TrainConfig, *learn, "trials=data/trials"), tmp_path)
 
     block = trimesh.creation.box((0.05, 0.06, 0.08)).subdivide().subdivide()
     block.export(meshes / "block.ply")
@@ -228,8 +226,8 @@ def test_simulate_train_evaluate(tmp_path: Path):
         "N=3",
         "workers=1",
     ]
-    evaluate.run(composed("evaluate", EvaluateConfig, *held, "hand=panda"), tmp_path)
+    evaluate.run(settled("evaluate", EvaluateConfig, *held, "hand=panda"), tmp_path)
     (row,) = json.loads((tmp_path / "results.json").read_text())["per_object"]
     assert row["object"] == "block" and 0 <= row["CG"] <= 1
     with pytest.raises(InputError, match=r"expected a model learned with this hand \(sdh2\), got one of panda"):
-        evaluate.run(composed("evaluate", EvaluateConfig, *held), tmp_path)
+        evaluate.run(settled("evaluate", EvaluateConfig, *held), tmp_path)

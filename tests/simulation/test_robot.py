@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from composing import composed
 from test_episode import HELD
 from trial_objects import ball, box, can, from_above, from_side, grasp
 
@@ -36,9 +35,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 def episode(name: str = "robot", friction: float = 0.6, **changes: Any) -> EpisodeConfig:
     """As `episode=NAME` sets it, `changes` in what a robot adds."""
-    with initialize_config_dir(str(root() / "conf"), version_base="1.3"):
-        composed = compose("simulate", [f"episode={name}"])
-    config = typed(EpisodeConfig, OmegaConf.to_container(composed.episode))
+    config = typed(EpisodeConfig, composed("simulate", f"episode={name}")["episode"])
     assert config.robot is not None
     return replace(config, friction=friction, robot=replace(config.robot, **changes))
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from composing import composed
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
@@ -27,9 +28,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def config(*overrides: str) -> SimulateConfig:
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        composed = compose("simulate", overrides=list(overrides))
-    return typed(SimulateConfig, OmegaConf.to_container(composed, resolve=True))
+    return typed(SimulateConfig, composed("simulate", *overrides))
 
 
 @pytest.fixture

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 import trimesh
 from commands import ROOT
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
+from composing import composed
 
 import spgf_torch
 from spgf_torch.settings import typed
@@ -74,9 +73,7 @@ def test_a_hand_closes_between_the_places_that_are_known() -> None:
 
 
 def settings(**changes: Any) -> ViewConfig:
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        values: Any = OmegaConf.to_container(compose("view", overrides=["input=x"]), resolve=True)
-    return typed(ViewConfig, {**values, **changes})
+    return typed(ViewConfig, {**composed("view", "input=x"), **changes})
 
 
 def ball() -> np.ndarray:
