@@ -17,7 +17,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import chain, islice
-from threading import Barrier, Lock
+from threading import Barrier, Lock, local
 from typing import TypeVar
 
 import torch
@@ -31,7 +31,7 @@ def in_parts(work: Callable[[T], R], parts: Iterable[T], most: int | None = None
 
     Parts are taken as they are needed: few are in memory at once.
     """
-    threads, parts = min(torch.get_num_threads(), most or sys.maxsize), iter(parts)
+    threads, parts = 1 if _OWN.within else min(torch.get_num_threads(), most or sys.maxsize), iter(parts)
     first = list(islice(parts, 2))
     if threads == 1 or len(first) < 2:
         yield from map(work, chain(first, parts))
@@ -57,10 +57,7 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     All its threads have begun when it is returned: each sets torch's number of threads, which the next new thread of
     the program would take over, and who asked for the pool sets it right again.
     """
-    pool, begun = (
-        ThreadPoolExecutor(threads, "spgf_torch", initializer=lambda: torch.set_num_threads(1)),
-        Barrier(threads),
-    )
+    pool, begun = ThreadPoolExecutor(threads, "spgf_torch", initializer=_within_for_good), Barrier(threads)
     list(pool.map(lambda _: begun.wait(), range(threads)))
     return pool
 
@@ -75,22 +72,43 @@ class _Callers:
     inside, before, lock = 0, 1, Lock()
 
 
+class _Own(local):
+    """Whether this thread is within `one_thread`; those of the pool always are."""
+
+    within = False
+
+
+_OWN = _Own()
+
+
+def _within_for_good() -> None:
+    """A part that left torch more threads would share the parts within the next one, and wait for its own thread."""
+    _OWN.within = True
+    torch.set_num_threads(1)
+
+
 @contextmanager
 def one_thread() -> Iterator[None]:
     """torch uses one thread for each operation of the calling thread.
 
     The number is torch's for each thread of a program and for those that begin later: a thread that begins while
-    another one is in here finds one thread, and leaves with as many as that one had before.
+    another one is in here finds one thread, and leaves with as many as that one had before. Within another such block
+    of the same thread, and in the threads of the pool, it changes nothing.
     """
+    if _OWN.within:
+        yield
+        return
     own = torch.get_num_threads()
     with _Callers.lock:
         if not _Callers.inside:
             _Callers.before = own
         _Callers.inside += 1
+    _OWN.within = True
     torch.set_num_threads(1)
     try:
         yield
     finally:
+        _OWN.within = False
         with _Callers.lock:
             _Callers.inside -= 1
             torch.set_num_threads(_Callers.before if own == 1 else own)

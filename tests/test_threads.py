@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 import torch
 
-from spgf_torch.threads import in_parts
+from spgf_torch.threads import in_parts, one_thread
 
 
 @pytest.fixture(params=[1, 2])
@@ -40,3 +40,19 @@ def test_an_error_is_the_callers(threads):
 def test_work_within_work_does_not_wait_for_itself(threads):
     inner = lambda i: sum(in_parts(lambda j: i * j, range(4)))  # noqa: E731
     assert list(in_parts(inner, range(8))) == [6 * i for i in range(8)]
+
+
+@pytest.mark.parametrize("rounds", [1, 20])
+def test_parts_that_keep_torch_to_one_thread_leave_it_so(threads, rounds):
+    """Else a later part would share its own parts among threads that all wait for theirs."""
+
+    def inner(i):
+        with one_thread():
+            alone = torch.get_num_threads()
+        return alone, torch.get_num_threads(), sum(in_parts(lambda j: i * j, range(4)))
+
+    assert list(in_parts(inner, range(4 * rounds))) == [(1, 1, 6 * i) for i in range(4 * rounds)]
+    with one_thread():
+        with one_thread():
+            pass
+        assert torch.get_num_threads() == 1
