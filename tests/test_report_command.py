@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from browser import needs_browser, opened
-from commands import call
+from commands import call, in_turn
 
 sys.path.insert(0, str(Path(__file__).parent / "reporting"))
 from report_runs import defaults, write_run
@@ -97,19 +97,21 @@ def test_a_browser_opens_the_page_without_errors(
     assert picture.stat().st_size > 50_000
 
 
-@pytest.mark.parametrize(
-    ("overrides", "words"),
-    [
-        (["runs=nowhere"], ["runs", "nowhere"]),
-        (["worst=0"], ["worst", "1 to 100", "got 0"]),
-        (["runs=run", "pictured=99"], ["pictured: expected a K of runs with a model (3), got 99"]),
-    ],
-)
-def test_unusable_input_is_one_line(overrides: list[str], words: list[str], tmp_path: Path) -> None:
+UNUSABLE = {
+    "runs=nowhere": ["runs", "nowhere"],
+    "worst=0": ["worst", "1 to 100", "got 0"],
+    "pictured=99": ["pictured: expected a K of runs with a model (3), got 99"],
+}
+
+
+def test_unusable_input_is_one_line(tmp_path: Path) -> None:
     write_run(tmp_path / "run", K=3)
-    done = report(*overrides, cwd=tmp_path)
-    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
-    assert all(word in done.stderr for word in words)
+    lines = [[override, "runs=run"] if "pictured" in override else [override] for override in UNUSABLE]
+    for done, words in zip(
+        in_turn(*(["spgf_torch.report", *line] for line in lines), cwd=tmp_path), UNUSABLE.values(), strict=True
+    ):
+        assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
+        assert all(word in done.stderr for word in words)
     assert not list(tmp_path.glob("outputs/report/*"))
 
 

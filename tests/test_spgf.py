@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import trimesh
-from commands import python
+from commands import in_turn, python
 from test_command_line import KINDS
 
 from spgf_torch.__main__ import COMMANDS
@@ -97,9 +97,9 @@ def test_completion_in_bash(tmp_path: Path) -> None:
 
 
 def test_completion_of_other_shells(tmp_path: Path) -> None:
-    fish = python("-m", "spgf_torch", "completion", "fish", cwd=tmp_path).stdout
-    assert all(f" -a {name} -d " in fish for name in COMMANDS)
-    assert "'__fish_seen_subcommand_from predict' -l viewpoints\n" in fish
-    assert python("-m", "spgf_torch", "completion", "zsh", cwd=tmp_path).stdout.startswith("#compdef spgf\n")
-    wrong = python("-m", "spgf_torch", "completion", "tcsh", cwd=tmp_path)
+    shells = ("fish", "zsh", "tcsh")
+    fish, zsh, wrong = in_turn(*(["spgf_torch", "completion", shell] for shell in shells), cwd=tmp_path)
+    assert all(f" -a {name} -d " in fish.stdout for name in COMMANDS)
+    assert "'__fish_seen_subcommand_from predict' -l viewpoints\n" in fish.stdout
+    assert zsh.stdout.startswith("#compdef spgf\n")
     assert wrong.returncode == 2 and wrong.stderr == "spgf completion: expected one of bash, zsh, fish; got tcsh\n"

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from commands import ROOT, python
+from commands import ROOT, in_turn, python
 
 from spgf_torch import __version__
 
@@ -116,11 +116,10 @@ def test_a_signal_within_the_import_of_a_compiled_module_ends_in_one_line(toy: P
 
 
 def test_the_commands_and_the_version(tmp_path: Path) -> None:
-    listed = python("-m", "spgf_torch", cwd=tmp_path)
+    lines = (["spgf_torch"], ["spgf_torch", "--version"], ["spgf_torch.predict", "--version"])
+    listed, *told, wrong = in_turn(*lines, ["spgf_torch", "predcit", "input=x"], cwd=tmp_path)
     assert listed.returncode == 0 and all(f"\n  {name}" in listed.stdout for name in ("predict", "train", "baseline"))
-    for module in ("spgf_torch", "spgf_torch.predict"):
-        assert python("-m", module, "--version", cwd=tmp_path).stdout == f"spgf_torch {__version__}\n"
-    wrong = python("-m", "spgf_torch", "predcit", "input=x", cwd=tmp_path)
+    assert [done.stdout for done in told] == 2 * [f"spgf_torch {__version__}\n"]
     assert wrong.returncode == 2 and wrong.stderr == "spgf: expected a command, got 'predcit'; did you mean predict?\n"
 
 

@@ -3,7 +3,6 @@
 import json
 import runpy
 import shutil
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import pytest
 import torch
 import trimesh
 import yaml
-from commands import call
+from commands import Ended, call, in_turn
 from composing import composed
 
 import spgf_torch
@@ -67,7 +66,7 @@ def says(run: Callable, kind: type, words: list[str], command: str, *overrides: 
     assert not list(Path("run").iterdir())
 
 
-def refused(done: subprocess.CompletedProcess, *words: str) -> None:
+def refused(done: Ended, *words: str) -> None:
     """One line with all the words, status 2, no traceback."""
     assert done.returncode == 2, done.stderr
     assert len(done.stderr.strip().splitlines()) == 1, done.stderr
@@ -257,16 +256,21 @@ def test_a_judge_of_single_classes_is_refused(tmp_path: Path, monkeypatch: pytes
     says(train, TrainConfig, ["classwise", "false with judge=learn", "got true"], "train", *asked)
 
 
-@pytest.mark.parametrize(
-    ("overrides", "words"),
-    [
-        (["+Kk=7"], ["Kk"]),
-        (["features.radius=-1"], ["features.radius", "got -1"]),
-    ],
-)
-def test_train_refuses_bad_settings(overrides: list[str], words: list[str], tmp_path: Path) -> None:
-    refused(call("train", *overrides, cwd=tmp_path), *words)
-    assert not list(tmp_path.glob("outputs/train/*"))
+def test_what_needs_no_work_is_told_at_once(tmp_path: Path) -> None:
+    """Bad settings, help, and the settings themselves leave nothing."""
+    lines = (
+        ["train", "+Kk=7"],
+        ["train", "features.radius=-1"],
+        ["evaluate", "--help"],
+        ["train", "+K=7", "--cfg", "job"],
+    )
+    ended = in_turn(*([f"spgf_torch.{command}", *more] for command, *more in lines), cwd=tmp_path)
+    refused(ended[0], "Kk")
+    refused(ended[1], "features.radius", "got -1")
+    help_, shown = ended[2:]
+    assert help_.returncode == 0 and "\n  --objects" in help_.stdout and "--hand NAME" in help_.stdout
+    assert shown.returncode == 0 and yaml.safe_load(shown.stdout)["K"] == 7
+    assert not (tmp_path / "outputs").exists()
 
 
 @pytest.mark.parametrize(
@@ -297,18 +301,6 @@ def test_train_refuses_damaged_trials(small: Path, tmp_path: Path, monkeypatch: 
     (tmp_path / "trials/config.yaml").write_text("candidates: [1")
     Path("run").rmdir()
     says(train, TrainConfig, ["config.yaml", "candidates and seed"], *command)
-
-
-def test_help_is_shown(tmp_path: Path) -> None:
-    help_ = call("evaluate", "--help", cwd=tmp_path)
-    assert help_.returncode == 0 and "\n  --objects" in help_.stdout and "--hand NAME" in help_.stdout
-    assert not (tmp_path / "outputs").exists()
-
-
-def test_settings_are_shown(tmp_path: Path) -> None:
-    done = call("train", "+K=7", "--cfg", "job", cwd=tmp_path)
-    assert done.returncode == 0 and yaml.safe_load(done.stdout)["K"] == 7
-    assert not (tmp_path / "outputs").exists()
 
 
 def test_simulate_makes_a_table_once(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
