@@ -109,7 +109,7 @@ NOT_THERE = [
     ("judge", "trials=missing"),
     ("clutter", "objects=missing"),
     ("clutter", "model=missing"),
-    *[(command, "out=empty/deeper") for command in ("generate", "simulate", "export", "clutter")],
+    *[(command, "out=empty") for command in ("generate", "simulate", "export", "clutter")],
 ]
 
 
