@@ -17,16 +17,19 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from spgf_torch.errors import InputError
     from spgf_torch.features.estimator import SPGF
+    from spgf_torch.grasps.grasps import Grasps
     from spgf_torch.hands.description_file import load_hand_file
     from spgf_torch.hands.records import Grasp
     from spgf_torch.predictor import Predictor
     from spgf_torch.prototypes.estimator import Prototypes
     from spgf_torch.scene.scene import Scene
     from spgf_torch.sensing.texlets import Texlets
+    from spgf_torch.training.api import train
 
 __all__ = [
     "SPGF",
     "Grasp",
+    "Grasps",
     "InputError",
     "Predictor",
     "Prototypes",
@@ -35,6 +38,7 @@ __all__ = [
     "__version__",
     "load",
     "load_hand_file",
+    "train",
 ]
 __version__ = "0.1.0"  # pyproject.toml reads it here
 
@@ -42,12 +46,14 @@ __version__ = "0.1.0"  # pyproject.toml reads it here
 _HOMES = {
     "SPGF": "spgf_torch.features.estimator",
     "Grasp": "spgf_torch.hands.records",
+    "Grasps": "spgf_torch.grasps.grasps",
     "InputError": "spgf_torch.errors",
     "load_hand_file": "spgf_torch.hands.description_file",
     "Predictor": "spgf_torch.predictor",
     "Prototypes": "spgf_torch.prototypes.estimator",
     "Scene": "spgf_torch.scene.scene",
     "Texlets": "spgf_torch.sensing.texlets",
+    "train": "spgf_torch.training.api",
 }
 
 # OpenMP threads that spin while they wait make torch many times slower as soon as another process needs the
