@@ -109,7 +109,8 @@ NOT_THERE = [
     ("judge", "trials=missing"),
     ("clutter", "objects=missing"),
     ("clutter", "model=missing"),
-    *[(command, "out=empty") for command in ("generate", "simulate", "export", "clutter")],
+    *[(command, "out=empty") for command in ("generate", "simulate", "clutter")],
+    ("export", "format=isaac", "out=empty"),
 ]
 
 
