@@ -1,4 +1,4 @@
-"""A model's name: the user's own before the shipped ones; a path stays a path; `latest` is meant only where it is said."""
+"""A model's name: the user's own before the shipped ones; a path stays a path; `latest` must be said."""
 
 from pathlib import Path
 

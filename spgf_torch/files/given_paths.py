@@ -12,7 +12,7 @@ from spgf_torch.files.reading import existing
 from spgf_torch.paths import find, root
 
 MODEL, JUDGE = ("model.json", "model.safetensors"), ("judge.json", "judge.safetensors")
-# Where models have names: the user's own, in the working folder; those that come with the package, called as their hands.
+# Where models have names: the user's own in the working folder, and those of the package, called as their hands.
 OWN, SHIPPED = "models", "data/models"
 # In the place of a folder: no model, no judge; what `train` did last, which is never meant unless it is said.
 NONE, LATEST = "none", "latest"

@@ -4,8 +4,9 @@
     ~/plan_grasps (moveit_msgs/srv/GraspPlanning): grasps on it, best first, in its frame
     ~/grasp_poses (geometry_msgs/PoseArray): the TCPs of the grasps that were planned last, for RViz
 
-Parameters: `model` (name or folder; required), `top` (grasps of each type), `table` (`find` or empty), `viewpoint` (three numbers, m, in
-the frame of the cloud, or none). The request's fields are not used: everything that is seen may be grasped.
+Parameters: `model` (name or folder; required), `top` (grasps of each type), `table` (`find` or empty), `viewpoint`
+(three numbers, m, in the frame of the cloud, or none). The request's fields are not used: all that is seen
+may be grasped.
 
 rclpy, rosidl_runtime_py and the messages come with ROS, not with pip; they are imported when the node is started.
 """
