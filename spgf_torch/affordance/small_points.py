@@ -1,0 +1,126 @@
+"""The points of a condensed space in few bytes, for models that travel: some are left out, the others said coarsely.
+
+What few particles support says little and is most of a model, so points of little support are left out, as the paper's
+condensation leaves out others. What is left of probability and support is one of a few levels each, a byte for both:
+rankings add up hundreds of votes, and what rounding adds to one it takes from another. Probabilities lie evenly by
+their square roots, since most are small, supports by their logarithms.
+
+Points are counted through all partitions: a byte says how far the next one is, `LEAP` that four others do. Both, and
+the levels, are deflated. Nothing that is read can run code or grow beyond what the model says it holds.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from spgf_torch.affordance.neighbourhood import Condensed
+from spgf_torch.errors import InputError
+from spgf_torch.settings import bounded, defaults_from
+
+STEPS, LEAPS, LEVELS = "cell_steps", "cell_leaps", "levels"
+PROBABILITY, SUPPORT = "level_probability", "level_support"
+TENSORS = (STEPS, LEAPS, LEVELS, PROBABILITY, SUPPORT)
+LEAP = 255  # the step that stands for one too long for a byte
+MOST = 40_000_000  # points that are read: four times a full model of the SDH-2, some GB while they are checked
+BYTE = 256  # levels at most
+
+
+@dataclass
+@defaults_from("small/levels.yaml")
+class SmallConfig:
+    """How coarse: the least support of a point that stays, levels of probability and support, the highest of these."""
+
+    support: float = bounded(0.0, 1e6)
+    probabilities: int = bounded(2, 64)
+    supports: int = bounded(1, 64)
+    most: float = bounded(1.0, 1e6)
+
+
+def coded(condensed: Condensed, cells: int, how: SmallConfig) -> dict[str, Tensor]:
+    """The tensors that say these points, of a grid of so many cells; `slice_start` among them.
+
+    Raises InputError where no point has the support, or there are more levels than a byte holds.
+    """
+    if (levels := how.probabilities * how.supports) > BYTE:
+        raise InputError(f"small.supports: expected {BYTE} levels at most with probabilities, got {levels}")
+    kept = (condensed.support >= how.support).cpu()
+    if not bool(kept.any()):
+        raise InputError(f"small.support: expected less than {how.support:g}, which no point of the model has")
+    partition, cell = condensed.partition_of_point().cpu()[kept], condensed.cell.cpu()[kept].long()
+    step = np.diff((partition * cells + cell).numpy(), prepend=-1) - 1
+    highest = max(how.most, how.support)
+    p_level = (condensed.probability.cpu()[kept].double().sqrt() * (how.probabilities - 1)).round()
+    least = max(how.support, 1e-3)
+    s_level = (condensed.support.cpu()[kept].double().clamp(least, highest) / least).log()
+    s_level = (s_level / max(np.log(highest / least), 1e-9) * (how.supports - 1)).round()
+    probabilities = torch.linspace(0, 1, how.probabilities, dtype=torch.float64).square()
+    supports = torch.logspace(0, 1, how.supports, highest / least, dtype=torch.float64) * least
+    partitions = len(condensed.partition_start) - 1
+    counts = torch.bincount(partition, minlength=partitions)
+    return {
+        "slice_start": torch.cat([counts.new_zeros(1), counts.cumsum(0)]),
+        STEPS: _deflated(np.minimum(step, LEAP).astype(np.uint8)),
+        LEAPS: _deflated(step[step >= LEAP].astype("<i4")),
+        LEVELS: _deflated((p_level * how.supports + s_level).numpy().astype(np.uint8)),
+        PROBABILITY: probabilities.repeat_interleave(how.supports).float(),
+        SUPPORT: supports.repeat(how.probabilities).float(),
+    }
+
+
+def decoded(path: Path, tensors: dict[str, Tensor], cells: int) -> dict[str, Tensor]:
+    """`cell` (P,) int64, `probability` and `support` (P,) f32 of the points that the tensors of a file say.
+
+    Raises InputError, which names the file, for what `coded` does not write.
+    """
+    start = tensors["slice_start"]
+    _expect(path, "slice_start", start.ndim == 1 and len(start) > 1 and start.dtype == torch.int64)
+    _expect(path, "slice_start", int(start[0]) == 0 and not bool((start.diff() < 0).any()))
+    points = int(start[-1])
+    if points > MOST:
+        raise InputError(f"{path}: expected {MOST} points at most, got {points}")
+    steps = np.frombuffer(_inflated(path, STEPS, tensors, points), np.uint8)
+    long = steps == LEAP
+    leaps = np.frombuffer(_inflated(path, LEAPS, tensors, 4 * int(long.sum())), "<i4")
+    _expect(path, LEAPS, not len(leaps) or int(leaps.min()) >= LEAP)
+    place = steps.astype(np.int64)
+    place[long] = leaps
+    place += 1
+    np.cumsum(place, out=place)
+    place -= 1
+    for number, (first, end) in enumerate(zip(start[:-1].tolist(), start[1:].tolist(), strict=True)):
+        place[first:end] -= number * cells
+    level = torch.frombuffer(bytearray(_inflated(path, LEVELS, tensors, points)) or bytearray(1), dtype=torch.uint8)
+    level, tables = level[:points].int(), (tensors[PROBABILITY], tensors[SUPPORT])
+    for name, table in zip((PROBABILITY, SUPPORT), tables, strict=True):
+        _expect(path, name, table.ndim == 1 and 0 < len(table) <= BYTE and table.dtype == torch.float32)
+        _expect(path, name, not points or int(level.max()) < len(table))
+    probability, support = (table.cpu().index_select(0, level) for table in tables)
+    return {"cell": torch.from_numpy(place), "probability": probability, "support": support}
+
+
+def _deflated(values: np.ndarray) -> Tensor:
+    return torch.frombuffer(bytearray(zlib.compress(values.tobytes(), 9)), dtype=torch.uint8)
+
+
+def _inflated(path: Path, name: str, tensors: dict[str, Tensor], size: int) -> bytes:
+    """The `size` bytes that were deflated; InputError for more, fewer, or none."""
+    packed = tensors[name]
+    _expect(path, name, packed.ndim == 1 and packed.dtype == torch.uint8)
+    stream = zlib.decompressobj()
+    try:
+        content = stream.decompress(packed.cpu().numpy().tobytes(), size + 1)  # one more: it would be too many
+    except zlib.error:
+        content = b""
+    _expect(path, name, len(content) == size and stream.eof and not stream.unused_data)
+    return content
+
+
+def _expect(path: Path, name: str, holds: bool) -> None:
+    if not holds:
+        raise InputError(f"{path}: expected {name} of a small model as it is written, got something else")
