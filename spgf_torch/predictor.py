@@ -21,9 +21,9 @@ import torch
 
 from spgf_torch.affordance.model import GraspModel, check_device, load_model, model_settings
 from spgf_torch.affordance.sensed_collision import hand_volumes
-from spgf_torch.affordance.small_points import SmallConfig
+from spgf_torch.affordance.small_config import SmallConfig
 from spgf_torch.errors import InputError
-from spgf_torch.files.given_paths import model_and_judge
+from spgf_torch.files.given_paths import check_free, model_and_judge
 from spgf_torch.grasps.grasps import Grasps, Source
 from spgf_torch.hands.carried_hand import load_carried
 from spgf_torch.hands.config import HandConfig
@@ -37,7 +37,7 @@ from spgf_torch.proposing.hidden_space import hidden_places
 from spgf_torch.proposing.judge import Judge, load_judge
 from spgf_torch.proposing.judge_features import Seen
 from spgf_torch.proposing.judge_proposer import JudgedProposer
-from spgf_torch.proposing.model_folder import Identity, body, check_free, write_model
+from spgf_torch.proposing.model_folder import Identity, body, write_model
 from spgf_torch.proposing.proposals import Proposals
 from spgf_torch.proposing.propose import Proposer
 from spgf_torch.prototypes.naming import prototype_names
@@ -128,7 +128,8 @@ class Predictor:
         """Write all of it into a folder that works anywhere: votes, judge, hand, a card with the Hub's header.
 
         Args:
-            small: votes with points left out and rounded (conf/small), 7 in the place of 125 MB. replace: a model there.
+            small: votes with points left out and rounded (conf/small), a twentieth of the bytes.
+            replace: a model that is there.
 
         Raises:
             InputError: something else is there, or a model and not `replace`.

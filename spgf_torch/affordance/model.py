@@ -24,8 +24,9 @@ from spgf_torch.affordance.config import AffordanceConfig
 from spgf_torch.affordance.model_checks import CONDENSED, TENSORS, check_digest, check_shapes, check_values
 from spgf_torch.affordance.neighbourhood import Condensed, condense
 from spgf_torch.affordance.pairs import CellPairs, grid_of, shape_grasp_particles
+from spgf_torch.affordance.small_config import SmallConfig
 from spgf_torch.affordance.small_points import TENSORS as CODED
-from spgf_torch.affordance.small_points import SmallConfig, coded, decoded
+from spgf_torch.affordance.small_points import coded, decoded
 from spgf_torch.affordance.voting import Votes, VotingIndex, cast_votes
 from spgf_torch.errors import InputError
 from spgf_torch.features.config import FeatureConfig
@@ -152,7 +153,9 @@ def save_model(model: GraspModel, folder: Path, small: SmallConfig | None = None
     """
     condensed = model.condensed
     tensors = {key: getattr(condensed, name) for key, name in CONDENSED.items()}
-    about: dict[str, Any] = {"date": model.about.get("date") or datetime.now(UTC).date().isoformat()}
+    learned_now = DIGEST not in model.about  # one from a file says itself when it was learned, or does not know
+    about: dict[str, Any] = {"date": datetime.now(UTC).date().isoformat()} if learned_now else {}
+    about |= {"date": model.about["date"]} if "date" in model.about else {}
     if small is not None:
         tensors = {"base_rate": condensed.base_rate, **coded(condensed, model.grid.cells, small)}
         about[SMALL] = _small_of(model, int(tensors["slice_start"][-1]))

@@ -12,7 +12,6 @@ the levels, are deflated. Nothing that is read can run code or grow beyond what 
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +19,8 @@ import torch
 from torch import Tensor
 
 from spgf_torch.affordance.neighbourhood import Condensed
+from spgf_torch.affordance.small_config import SmallConfig
 from spgf_torch.errors import InputError
-from spgf_torch.settings import bounded, defaults_from
 
 STEPS, LEAPS, LEVELS = "cell_steps", "cell_leaps", "levels"
 PROBABILITY, SUPPORT = "level_probability", "level_support"
@@ -29,17 +28,6 @@ TENSORS = (STEPS, LEAPS, LEVELS, PROBABILITY, SUPPORT)
 LEAP = 255  # the step that stands for one too long for a byte
 MOST = 40_000_000  # points that are read: four times a full model of the SDH-2, some GB while they are checked
 BYTE = 256  # levels at most
-
-
-@dataclass
-@defaults_from("small/levels.yaml")
-class SmallConfig:
-    """How coarse: the least support of a point that stays, levels of probability and support, the highest of these."""
-
-    support: float = bounded(0.0, 1e6)
-    probabilities: int = bounded(2, 64)
-    supports: int = bounded(1, 64)
-    most: float = bounded(1.0, 1e6)
 
 
 def coded(condensed: Condensed, cells: int, how: SmallConfig) -> dict[str, Tensor]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from difflib import get_close_matches
 from pathlib import Path
@@ -126,6 +127,26 @@ def model_of_hand(hand: str) -> str:
         hint = f"; did you mean {near[0]}?" if near else "; of others: model=NAME or model=FOLDER, which train left"
         raise InputError(f"hand: expected a hand with a shipped model ({', '.join(names)}), got {hand or 'none'}{hint}")
     return f"{SHIPPED}/{hand}"
+
+
+def check_place(name: str, replace: bool, key: str = "name") -> Path:
+    """`models/NAME`. Raises InputError for what is no name, and where a model is that stays."""
+    if not re.fullmatch(r"\w[\w.-]{0,59}", name) or name in (LATEST, NONE):
+        got = name[:80] or "none"
+        raise InputError(f"{key}: expected letters, digits, _, - and dots, not {LATEST} or {NONE}; got {got}")
+    return check_free(Path(OWN) / name, replace, key)
+
+
+def check_free(place: Path, replace: bool, key: str) -> Path:
+    """`place`, unless something is there that is no model, or a model that is not to be replaced."""
+    if place.is_symlink() or (place.exists() and not place.is_dir()):
+        raise InputError(f"{key}: expected a new folder or a model's, got a file or a link at {place}")
+    if place.is_dir() and any(place.iterdir()):
+        if not any((place / each).is_file() for each in ("model.json", "judge.json")):
+            raise InputError(f"{key}: expected a new folder or a model's, got another one at {place}")
+        if not replace:
+            raise InputError(f"{key}: expected a new one, got {place}, which is there; replace=true replaces it")
+    return place
 
 
 def _shipped() -> list[str]:

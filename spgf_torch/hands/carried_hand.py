@@ -49,7 +49,7 @@ def carry(hand: Hand, folder: Path) -> None:
 
 
 def load_carried(config: HandConfig, folder: Path) -> Hand:
-    """The hand of a model in `folder`, by the URDF that the folder carries; by the description's own if it carries none.
+    """The hand of a model in `folder`, by the URDF that it carries; by the description's own if it carries none.
 
     Raises InputError where it is not the hand that the model learned with.
     """

@@ -74,7 +74,7 @@ class Judge:
     taught: Mapping[str, str] = field(default_factory=dict)
     results: Mapping[str, Any] = field(default_factory=dict)
     calibration: Mapping[str, Curve] = field(default_factory=dict)
-    about: Mapping[str, Any] = field(default_factory=dict)
+    about: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     def probability(self, numbers: Tensor, images: bool) -> Tensor:
         """(G,) f32 that grasps hold, from their numbers (G, 31); `images`: whether unseen space is known."""

@@ -15,10 +15,8 @@ from typing import Any
 from uuid import uuid4
 
 from spgf_torch.affordance.model import DIGEST, SMALL, GraspModel, save_model
-from spgf_torch.affordance.small_points import SmallConfig
-from spgf_torch.errors import InputError
+from spgf_torch.affordance.small_config import SmallConfig
 from spgf_torch.files.card_header import card_header
-from spgf_torch.files.given_paths import LATEST, NONE, OWN
 from spgf_torch.files.writing import write_text
 from spgf_torch.hands.carried_hand import carry
 from spgf_torch.hands.hand import Hand
@@ -35,7 +33,8 @@ class Identity:
 
     Attributes:
         hand: its name. objects: how many taught it. objects_digest: SHA-256 over their digests.
-        date: of learning, YYYY-MM-DD; None: older models do not say. digest: SHA-256 of its tensors, if it is in a file.
+        date: of learning, YYYY-MM-DD; None: older models do not say.
+        digest: SHA-256 of its tensors, if it is in a file.
         small: whether points were left out.
     """
 
@@ -65,28 +64,6 @@ class Identity:
     def to_dict(self) -> dict[str, Any]:
         """As plain values, for `grasps.json`."""
         return dict(vars(self))
-
-
-def check_place(name: str | None, replace: bool, key: str = "name") -> Path | None:
-    """`models/NAME`; None for no name. Raises InputError for what is no name, and where a model is that stays."""
-    if name is None:
-        return None
-    if not re.fullmatch(r"\w[\w.-]{0,59}", name) or name in (LATEST, NONE):
-        got = name[:80] or "none"
-        raise InputError(f"{key}: expected letters, digits, _, - and dots, not {LATEST} or {NONE}; got {got}")
-    return check_free(Path(OWN) / name, replace, key)
-
-
-def check_free(place: Path, replace: bool, key: str) -> Path:
-    """`place`, unless something is there that is no model, or a model that is not to be replaced."""
-    if place.is_symlink() or (place.exists() and not place.is_dir()):
-        raise InputError(f"{key}: expected a new folder or a model's, got a file or a link at {place}")
-    if place.is_dir() and any(place.iterdir()):
-        if not any((place / each).is_file() for each in ("model.json", "judge.json")):
-            raise InputError(f"{key}: expected a new folder or a model's, got another one at {place}")
-        if not replace:
-            raise InputError(f"{key}: expected a new one, got {place}, which is there; replace=true replaces it")
-    return place
 
 
 def write_model(
@@ -132,7 +109,7 @@ def _without_paths(model: GraspModel) -> GraspModel:
 
 
 def body(folder: Path | None) -> str:
-    """The card of votes or a judge in a folder without its header, headings one level down; empty where there is none."""
+    """The card in a folder without its header, headings one level down; empty where there is none."""
     names = () if folder is None else (CARD, "JUDGE.md")
     texts = [(folder / name).read_text(encoding="utf-8") for name in names if folder and (folder / name).is_file()]
     return "\n".join(re.sub(r"^#", "##", _HEADER.sub("", text), flags=re.MULTILINE) for text in texts)
@@ -145,8 +122,8 @@ def _card(model: GraspModel | None, judge: Judge | None, hand: Hand, small: Smal
         lines.append(f"- Votes: {Identity.of(model).words()}.")
     if small is not None and model is not None:
         lines.append(
-            f"- Made small: points with a support below {small.support:g} are left out, {small.probabilities} levels of "
-            f"probability and {small.supports} of support are told apart; `model.json` says of which model, and how many."
+            f"- Made small: points with a support below {small.support:g} are left out, {small.probabilities} levels "
+            f"of probability and {small.supports} of support told apart; `model.json` says of what, and how many."
         )
     if judge is not None:
         lines.append(f"- Judge: {Identity.of(judge).words()}.")
