@@ -256,7 +256,7 @@ class Predictor:
             known = {"unseen_space": scene.views is not None, "known": scene.unseen}
             said = {"folder": folder, **known, "sure": self.judged.judge.sure}
         source = Source(self, scene, np.eye(4))
-        return Grasps(tuple(grasps), self.grippers, tuple(self.names), said, source)
+        return Grasps(tuple(grasps), self.grippers, tuple(self.names), said, source, self.identity)
 
     def _places(self, avoid: object) -> torch.Tensor:
         """(A, 3) f32 places; InputError for anything else, and where the settings say of none how near is near."""

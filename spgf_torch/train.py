@@ -20,7 +20,7 @@ from spgf_torch.cli.command import run_command, write_settings
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.extras import needed
-from spgf_torch.files.given_paths import check_folder, check_model
+from spgf_torch.files.given_paths import check_folder, check_model, check_place
 from spgf_torch.paths import root
 from spgf_torch.progress import ProgressReporter, show
 
@@ -46,6 +46,7 @@ def run(config: TrainConfig, folder: Path) -> None:
         check_model("prototypes_from", config.prototypes_from)
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
     _check_judge(config)
+    place = _place(config)
 
     from spgf_torch.affordance.model import check_device
     from spgf_torch.cache import Cache
@@ -80,6 +81,8 @@ def run(config: TrainConfig, folder: Path) -> None:
     for content in (results_table(results), *lines, *hopeless_types(tables, config.hand.name)):
         show(content)
     show(f"results, model and settings in {folder}" if config.final_model else f"results and settings in {folder}")
+    if place is not None:
+        _keep(place, folder)
     if course is not None:
         show(
             "a judge is beside them: predict and evaluate of this folder (model=) rank by it, with judge=none by votes"
@@ -96,6 +99,25 @@ def _check_packages(config: TrainConfig) -> None:
         needed("runner: dask", "distributed")
     if config.ranking == JUDGE:
         needed(f"ranking: {JUDGE}", "sklearn")
+
+
+def _place(config: TrainConfig) -> Path | None:
+    """Where the model is kept by its name, if it is to have one; InputError where it cannot be."""
+    if config.name is None:
+        return None
+    if config.classwise or not config.final_model:
+        raise InputError("name: expected with final_model=true and classwise=false, got no model of all objects")
+    return check_place(config.name, config.replace)
+
+
+def _keep(place: Path, folder: Path) -> None:
+    """The model of this run by its name, in few bytes."""
+    from spgf_torch.affordance.small_config import SmallConfig
+    from spgf_torch.files.given_paths import model_and_judge
+    from spgf_torch.proposing.kept_model import keep
+
+    for line in keep(place, model_and_judge(folder, None), SmallConfig()):
+        show(line)
 
 
 def _check_hand(config: TrainConfig) -> None:
@@ -194,6 +216,8 @@ def _votes(
     from spgf_torch.experiment.held_out import save_fold_models
     from spgf_torch.experiment.labelled_grasps import dataset_digest
     from spgf_torch.files.writing import write_text
+    from spgf_torch.hands.carried_hand import carry
+    from spgf_torch.hands.hand import load_hand
 
     if (dictionary := load_dictionary(config, design, objects)) is not None:
         show(dictionary.told)
@@ -215,6 +239,7 @@ def _votes(
         results["prototypes_from"] = dict(dictionary.about)
     if model is not None:
         size = save_model(model, folder)
+        carry(load_hand(config.hand), folder)
         results["costs"] = {"model_bytes": size, "prediction_ms": prediction_ms(model, describer, objects, tables)}
         write_text(folder / "README.md", model_card(results, config, len(objects), sum(map(len, tables)), size))
     if learned.of_fold:

@@ -18,6 +18,7 @@ from spgf_torch.files.writing import write_bytes
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import Hand, load_hand
 from spgf_torch.hands.urdf_files import mesh_file, urdf_root
+from spgf_torch.paths import find
 
 FOLDER, ABOUT = "hand", "hand.json"
 FORMAT = "spgf_torch hand"
@@ -46,6 +47,13 @@ def carry(hand: Hand, folder: Path) -> None:
     about = {"format": FORMAT, "name": hand.config.name, "urdf": urdf, "digest": hand.digest}
     write_bytes(own / ABOUT, sealed_json(about, indent=1, sort_keys=True))
     load_carried(hand.config, folder)
+
+
+def found(config: HandConfig, folder: Path) -> HandConfig:
+    """The description with the URDF that a model's folder carries, where its own is gone; else as it is."""
+    if find(config.urdf).is_file() or "://" in config.urdf or not (folder / FOLDER / ABOUT).is_file():
+        return config
+    return load_carried(config, folder).config
 
 
 def load_carried(config: HandConfig, folder: Path) -> Hand:

@@ -19,6 +19,7 @@ from spgf_torch.experiment.held_out import load_fold_judges, save_fold_judges
 from spgf_torch.experiment.labelled_grasps import open_hand, tables_of
 from spgf_torch.files.digests import sealed_yaml
 from spgf_torch.files.writing import write_bytes, write_text
+from spgf_torch.hands.carried_hand import carry
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.judging.card import judge_card
 from spgf_torch.judging.clouds import training_clouds
@@ -231,6 +232,7 @@ class Course:
         With `fold_judges` those of the folds, too.
         """
         size = save_judge(lessons.judge, folder)
+        carry(self.shop.trials.hand, folder)
         write_text(folder / card, judge_card(lessons.judge, self.shop.config, size))
         if self.given is None and lessons.own:
             (folder / OWN_TRIALS).mkdir()

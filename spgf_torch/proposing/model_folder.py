@@ -9,7 +9,7 @@ import hashlib
 import re
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -17,10 +17,11 @@ from uuid import uuid4
 from spgf_torch.affordance.model import DIGEST, SMALL, GraspModel, save_model
 from spgf_torch.affordance.small_config import SmallConfig
 from spgf_torch.files.card_header import card_header
+from spgf_torch.files.digests import digest_of
 from spgf_torch.files.writing import write_text
 from spgf_torch.hands.carried_hand import carry
 from spgf_torch.hands.hand import Hand
-from spgf_torch.proposing.judge import Judge, save_judge
+from spgf_torch.proposing.judge import ARRAYS, Judge, save_judge
 
 CARD = "README.md"
 SHOWN = 8  # digits of a digest in words
@@ -84,7 +85,7 @@ def write_model(
         if judge is not None:
             save_judge(judge, part)
         carry(hand, part)
-        write_text(part / CARD, _card(model, judge, hand, small, cards))
+        write_text(part / CARD, _card(_identities(part, model, judge), hand, small if model else None, cards))
         size = sum(file.stat().st_size for file in part.rglob("*") if file.is_file())
         if place.is_dir():
             old = part.with_suffix(".old")
@@ -115,18 +116,25 @@ def body(folder: Path | None) -> str:
     return "\n".join(re.sub(r"^#", "##", _HEADER.sub("", text), flags=re.MULTILINE) for text in texts)
 
 
-def _card(model: GraspModel | None, judge: Judge | None, hand: Hand, small: SmallConfig | None, cards: str) -> str:
+def _identities(folder: Path, model: GraspModel | None, judge: Judge | None) -> dict[str, Identity]:
+    """Of votes and judge, as they stand in the folder."""
+    parts = (("Votes", model, "model.safetensors"), ("Judge", judge, ARRAYS))
+    return {
+        name: replace(Identity.of(part), digest=digest_of(folder / file))
+        for name, part, file in parts
+        if part is not None
+    }
+
+
+def _card(parts: Mapping[str, Identity], hand: Hand, small: SmallConfig | None, cards: str) -> str:
     lines = [card_header(hand.config.name, library_name="spgf_torch", pipeline_tag="robotics")]
     lines += [f"# Grasps of the hand {hand.config.name}", ""]
-    if model is not None:
-        lines.append(f"- Votes: {Identity.of(model).words()}.")
-    if small is not None and model is not None:
+    lines += [f"- {name}: {part.words()}." for name, part in parts.items()]
+    if small is not None:
         lines.append(
             f"- Made small: points with a support below {small.support:g} are left out, {small.probabilities} levels "
             f"of probability and {small.supports} of support told apart; `model.json` says of what, and how many."
         )
-    if judge is not None:
-        lines.append(f"- Judge: {Identity.of(judge).words()}.")
     lines += [f"- Hand: `hand/`, digest {hand.digest[:SHOWN]}.", ""]
     lines += ["`python -m spgf_torch.predict input=FILE model=THIS_FOLDER`, or", "", "```python", "import spgf_torch"]
     lines += ["", 'model = spgf_torch.Predictor.from_pretrained("THIS_FOLDER")', "```", "", cards]
