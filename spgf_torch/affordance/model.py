@@ -157,7 +157,7 @@ def save_model(model: GraspModel, folder: Path, small: SmallConfig | None = None
     about: dict[str, Any] = {"date": datetime.now(UTC).date().isoformat()} if learned_now else {}
     about |= {"date": model.about["date"]} if "date" in model.about else {}
     if small is not None:
-        tensors = {"base_rate": condensed.base_rate, **coded(condensed, model.grid.cells, small)}
+        tensors = {"base_rate": condensed.base_rate, **coded(condensed, small)}
         about[SMALL] = _small_of(model, int(tensors["slice_start"][-1]))
     tensors |= {"centres": model.centres, "calibration": model.calibration.numbers}
     content = sealed(save({name: t.contiguous().cpu() for name, t in tensors.items()}, {KEY: BLANK.decode()}))

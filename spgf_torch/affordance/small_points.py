@@ -5,8 +5,8 @@ condensation leaves out others. What is left of probability and support is one o
 rankings add up hundreds of votes, and what rounding adds to one it takes from another. Probabilities lie evenly by
 their square roots, since most are small, supports by their logarithms.
 
-Points are counted through all partitions: a byte says how far the next one is, `LEAP` that four others do. Both, and
-the levels, are deflated. Nothing that is read can run code or grow beyond what the model says it holds.
+In each partition a byte says how far the next point is, `LEAP` that four others do. Both, and the levels, are deflated.
+Nothing that is read can run code or grow beyond what the model says it holds.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ MOST = 40_000_000  # points that are read: four times a full model of the SDH-2,
 BYTE = 256  # levels at most
 
 
-def coded(condensed: Condensed, cells: int, how: SmallConfig) -> dict[str, Tensor]:
-    """The tensors that say these points, of a grid of so many cells; `slice_start` among them.
+def coded(condensed: Condensed, how: SmallConfig) -> dict[str, Tensor]:
+    """The tensors that say these points; `slice_start` among them.
 
     Raises InputError where no point has the support, or there are more levels than a byte holds.
     """
@@ -41,7 +41,12 @@ def coded(condensed: Condensed, cells: int, how: SmallConfig) -> dict[str, Tenso
     if not bool(kept.any()):
         raise InputError(f"small.support: expected less than {how.support:g}, which no point of the model has")
     partition, cell = condensed.partition_of_point().cpu()[kept], condensed.cell.cpu()[kept].long()
-    step = np.diff((partition * cells + cell).numpy(), prepend=-1) - 1
+    partitions = len(condensed.partition_start) - 1
+    counts = torch.bincount(partition, minlength=partitions)
+    start = torch.cat([counts.new_zeros(1), counts.cumsum(0)])
+    step = np.diff(cell.numpy(), prepend=0) - 1
+    first = start[:-1][counts > 0].numpy()
+    step[first] = cell.numpy()[first]
     highest = max(how.most, how.support)
     p_level = (condensed.probability.cpu()[kept].double().sqrt() * (how.probabilities - 1)).round()
     least = max(how.support, 1e-3)
@@ -49,10 +54,8 @@ def coded(condensed: Condensed, cells: int, how: SmallConfig) -> dict[str, Tenso
     s_level = (s_level / max(np.log(highest / least), 1e-9) * (how.supports - 1)).round()
     probabilities = torch.linspace(0, 1, how.probabilities, dtype=torch.float64).square()
     supports = torch.logspace(0, 1, how.supports, highest / least, dtype=torch.float64) * least
-    partitions = len(condensed.partition_start) - 1
-    counts = torch.bincount(partition, minlength=partitions)
     return {
-        "slice_start": torch.cat([counts.new_zeros(1), counts.cumsum(0)]),
+        "slice_start": start,
         STEPS: _deflated(np.minimum(step, LEAP).astype(np.uint8)),
         LEAPS: _deflated(step[step >= LEAP].astype("<i4")),
         LEVELS: _deflated((p_level * how.supports + s_level).numpy().astype(np.uint8)),
@@ -62,7 +65,7 @@ def coded(condensed: Condensed, cells: int, how: SmallConfig) -> dict[str, Tenso
 
 
 def decoded(path: Path, tensors: dict[str, Tensor], cells: int) -> dict[str, Tensor]:
-    """`cell` (P,) int64, `probability` and `support` (P,) f32 of the points that the tensors of a file say.
+    """`cell` (P,) int32, `probability` and `support` (P,) f32 of the points that the tensors of a file say.
 
     Raises InputError, which names the file, for what `coded` does not write.
     """
@@ -75,14 +78,14 @@ def decoded(path: Path, tensors: dict[str, Tensor], cells: int) -> dict[str, Ten
     steps = np.frombuffer(_inflated(path, STEPS, tensors, points), np.uint8)
     long = steps == LEAP
     leaps = np.frombuffer(_inflated(path, LEAPS, tensors, 4 * int(long.sum())), "<i4")
-    _expect(path, LEAPS, not len(leaps) or int(leaps.min()) >= LEAP)
-    place = steps.astype(np.int64)
+    _expect(path, LEAPS, not len(leaps) or LEAP <= int(leaps.min()) <= int(leaps.max()) < cells)
+    place = steps.astype(np.int32)
     place[long] = leaps
     place += 1
-    np.cumsum(place, out=place)
-    place -= 1
-    for number, (first, end) in enumerate(zip(start[:-1].tolist(), start[1:].tolist(), strict=True)):
-        place[first:end] -= number * cells
+    for first, end in zip(start[:-1].tolist(), start[1:].tolist(), strict=True):
+        if first < end:
+            place[first] -= 1
+            np.cumsum(place[first:end], out=place[first:end])  # what is too far falls again: `check_values` looks
     level = torch.frombuffer(bytearray(_inflated(path, LEVELS, tensors, points)) or bytearray(1), dtype=torch.uint8)
     level, tables = level[:points].int(), (tensors[PROBABILITY], tensors[SUPPORT])
     for name, table in zip((PROBABILITY, SUPPORT), tables, strict=True):
