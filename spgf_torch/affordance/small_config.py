@@ -10,9 +10,9 @@ from spgf_torch.settings import bounded, defaults_from
 @dataclass
 @defaults_from("small/levels.yaml")
 class SmallConfig:
-    """How coarse: the least support of a point that stays, levels of probability and support, the highest of these."""
+    """How coarse: how many points stay, levels of probability and support, the highest of these."""
 
-    support: float = bounded(0.0, 1e6)
+    points: int = bounded(1, 40_000_000)
     probabilities: int = bounded(2, 64)
     supports: int = bounded(1, 64)
     most: float = bounded(1.0, 1e6)

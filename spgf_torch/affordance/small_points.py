@@ -33,13 +33,14 @@ BYTE = 256  # levels at most
 def coded(condensed: Condensed, how: SmallConfig) -> dict[str, Tensor]:
     """The tensors that say these points; `slice_start` among them.
 
-    Raises InputError where no point has the support, or there are more levels than a byte holds.
+    Raises InputError where there are more levels than a byte holds, or the model has no point.
     """
     if (levels := how.probabilities * how.supports) > BYTE:
         raise InputError(f"small.supports: expected {BYTE} levels at most with probabilities, got {levels}")
-    kept = (condensed.support >= how.support).cpu()
-    if not bool(kept.any()):
-        raise InputError(f"small.support: expected less than {how.support:g}, which no point of the model has")
+    support = condensed.support.cpu()
+    if not len(support):
+        raise InputError("model: expected points to keep, got a model without any")
+    kept = support >= _least(support, how.points)
     partition, cell = condensed.partition_of_point().cpu()[kept], condensed.cell.cpu()[kept].long()
     partitions = len(condensed.partition_start) - 1
     counts = torch.bincount(partition, minlength=partitions)
@@ -47,10 +48,10 @@ def coded(condensed: Condensed, how: SmallConfig) -> dict[str, Tensor]:
     step = np.diff(cell.numpy(), prepend=0) - 1
     first = start[:-1][counts > 0].numpy()
     step[first] = cell.numpy()[first]
-    highest = max(how.most, how.support)
+    least = max(float(support[kept].min()), 1e-3)
+    highest = max(how.most, least)
     p_level = (condensed.probability.cpu()[kept].double().sqrt() * (how.probabilities - 1)).round()
-    least = max(how.support, 1e-3)
-    s_level = (condensed.support.cpu()[kept].double().clamp(least, highest) / least).log()
+    s_level = (support[kept].double().clamp(least, highest) / least).log()
     s_level = (s_level / max(np.log(highest / least), 1e-9) * (how.supports - 1)).round()
     probabilities = torch.linspace(0, 1, how.probabilities, dtype=torch.float64).square()
     supports = torch.logspace(0, 1, how.supports, highest / least, dtype=torch.float64) * least
@@ -93,6 +94,15 @@ def decoded(path: Path, tensors: dict[str, Tensor], cells: int) -> dict[str, Ten
         _expect(path, name, not points or int(level.max()) < len(table))
     probability, support = (table.cpu().index_select(0, level) for table in tables)
     return {"cell": torch.from_numpy(place), "probability": probability, "support": support}
+
+
+def _least(support: Tensor, points: int) -> float:
+    """The least support of the points that stay: of all whose support is alike, all stay or none."""
+    if len(support) <= points:
+        return float(support.min())
+    ordered = support.sort(descending=True).values
+    least = float(ordered[points - 1])
+    return least if least > float(ordered[points]) else float(np.nextafter(np.float32(least), np.float32(np.inf)))
 
 
 def _deflated(values: np.ndarray) -> Tensor:

@@ -132,8 +132,8 @@ def _card(parts: Mapping[str, Identity], hand: Hand, small: SmallConfig | None, 
     lines += [f"- {name}: {part.words()}." for name, part in parts.items()]
     if small is not None:
         lines.append(
-            f"- Made small: points with a support below {small.support:g} are left out, {small.probabilities} levels "
-            f"of probability and {small.supports} of support told apart; `model.json` says of what, and how many."
+            f"- Made small: the best supported points, {small.points:,} at most, {small.probabilities} levels of "
+            f"probability and {small.supports} of support; `model.json` says of which model, and how many were left out."
         )
     lines += [f"- Hand: `hand/`, digest {hand.digest[:SHOWN]}.", ""]
     lines += ["`python -m spgf_torch.predict input=FILE model=THIS_FOLDER`, or", "", "```python", "import spgf_torch"]

@@ -24,7 +24,7 @@ from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import plain, settings
 
 # Levels of probability 0, 1/9, 4/9, 1; of support 4, 8, 16.
-HOW = settings(SmallConfig, support=4.0, probabilities=4, supports=3, most=16.0)
+HOW = settings(SmallConfig, points=6, probabilities=4, supports=3, most=16.0)
 
 
 @pytest.fixture
@@ -61,15 +61,17 @@ def test_a_small_one_of_a_file_says_which(model: GraspModel, tmp_path: Path) -> 
         (tmp_path / name).mkdir()
     save_model(replace(model, about={"date": "2020-02-03"}), tmp_path / "whole")
     save_model(load_model(tmp_path / "whole"), tmp_path / "small", HOW)
-    save_model(load_model(tmp_path / "small"), tmp_path / "smaller", replace(HOW, support=6.0))
+    save_model(load_model(tmp_path / "small"), tmp_path / "smaller", replace(HOW, points=4))
     about = load_model(tmp_path / "smaller").about
     assert about["small"] == {"of": digest_of(tmp_path / "whole/model.safetensors"), "points": 4, "left_out": 4}
     assert about["date"] == "2020-02-03" and about["tensors_sha256"] != about["small"]["of"]
 
 
 def test_settings_that_cannot_be(model: GraspModel, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"^small\.support: expected less than 701, which no point"):
-        save_model(model, tmp_path, replace(HOW, support=701.0))
+    nothing = {name: getattr(model.condensed, name)[:0] for name in ("cell", "probability", "support")}
+    empty = replace(model, condensed=replace(model.condensed, partition_start=torch.zeros(5).long(), **nothing))
+    with pytest.raises(InputError, match=r"^model: expected points to keep, got a model without any$"):
+        save_model(empty, tmp_path, HOW)
     with pytest.raises(InputError, match=r"^small\.supports: expected 256 levels at most with probabilities, got 4096"):
         save_model(model, tmp_path, replace(HOW, probabilities=64, supports=64))
     assert not list(tmp_path.iterdir())
