@@ -48,5 +48,5 @@ def write_page(grasps: Grasps, folder: Path, lines: Sequence[str] = ()) -> list[
 
 def closings(model: Predictor) -> dict[str, np.ndarray]:
     """Grasp type -> how the shapes of its hand move while it closes."""
-    assert model.hand is not None
-    return {name: closing_poses(model.hand, name, fractions()) for name in model.grippers}
+    hand = model.hand
+    return {} if hand is None else {name: closing_poses(hand, name, fractions()) for name in model.grippers}

@@ -133,7 +133,7 @@ def _card(parts: Mapping[str, Identity], hand: Hand, small: SmallConfig | None, 
     if small is not None:
         lines.append(
             f"- Made small: the best supported points, {small.points:,} at most, {small.probabilities} levels of "
-            f"probability and {small.supports} of support; `model.json` says of which model, and how many were left out."
+            f"probability and {small.supports} of support; `model.json` says of which model, and how many went."
         )
     lines += [f"- Hand: `hand/`, digest {hand.digest[:SHOWN]}.", ""]
     lines += ["`python -m spgf_torch.predict input=FILE model=THIS_FOLDER`, or", "", "```python", "import spgf_torch"]

@@ -34,7 +34,7 @@ from spgf_torch.objects.folders import read_objects
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.settings import settings, typed
 from spgf_torch.simulation.worker import Trials
-from spgf_torch.train import _describer, _examples
+from spgf_torch.training.run import _describer
 
 RANKINGS = ("paper", "log_odds_free")
 WHOLE = 10_430_000  # points of the SDH-2's model of all objects: of a fold's the same share stays as of it
@@ -65,7 +65,8 @@ def measure(run: Path, report: Report) -> None:
     trials = Trials(load_hand(config.hand), config.episode)
     tables = tables_of(objects, config.trials, trials, config.sampler)
     describer = _describer(config, cache)
-    examples, novel = _examples(describer, objects, tables, stages), novel_by_fold(run)
+    described, novel = describer.describe(objects, tables, stages), novel_by_fold(run)
+    examples = [obj.with_success(table.success) for obj, table in zip(described, tables, strict=True)]
     found: dict[str, dict[str, dict[str, float]]] = {"whole": {}, "small": {}}
     for fold in sorted({fold for fold, _ in novel.values()}):
         whole = load_model(run / FOLDER / str(fold))
