@@ -40,14 +40,12 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.evaluation.files import write_json
     from spgf_torch.evaluation.tables import draws_table, executed_table
     from spgf_torch.experiment.execution import execute_best, execute_draws
-    from spgf_torch.hands.carried_hand import found
     from spgf_torch.hands.hand import load_hand
     from spgf_torch.reporting.evaluated import Left
     from spgf_torch.simulation.execute import Trials
 
     check_device(config.device)
-    if config.model != NONE or config.judge is not None:
-        config = replace(config, hand=found(config.hand, find(config.judge if config.model == NONE else config.model)))
+    config = _with_hand(config)
     stages = ProgressReporter()
     meets = None if config.model == NONE else models(config)
     objects, start = _objects(config), time.perf_counter()
@@ -127,6 +125,14 @@ def _resolved(config: EvaluateConfig) -> EvaluateConfig:
         return replace(config, model=str(model_folder(config.model)), judge=None)
     votes, judge = model_and_judge(config.model, config.judge if config.candidates == "proposed" else NONE)
     return replace(config, model=str(votes or NONE), judge=None if judge is None else str(judge))
+
+
+def _with_hand(config: EvaluateConfig) -> EvaluateConfig:
+    """With the URDF that the model's folder carries, where the description's own is gone."""
+    from spgf_torch.hands.carried_hand import found
+
+    folder = config.judge if config.model == NONE else config.model
+    return config if folder is None else replace(config, hand=found(config.hand, find(folder)))
 
 
 def _judge(config: EvaluateConfig) -> Judge | None:
