@@ -2,30 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
 
-from omegaconf import MISSING
-
-from spgf_torch.affordance.small_config import SmallConfig
+from spgf_torch.affordance.small_config import PackConfig
 from spgf_torch.cli.command import run_command
 from spgf_torch.errors import InputError
 from spgf_torch.files.given_paths import check_free, check_place, model_and_judge
 from spgf_torch.progress import show
-from spgf_torch.settings import text
-
-
-@dataclass
-class PackConfig:
-    """`python -m spgf_torch.pack`: which model, where to, how small."""
-
-    model: str = text()
-    judge: str | None = text()
-    name: str | None = text()
-    out: str | None = text()
-    whole: bool = MISSING
-    replace: bool = MISSING
-    small: SmallConfig = field(default_factory=SmallConfig)
 
 
 def run(config: PackConfig, folder: Path) -> None:
