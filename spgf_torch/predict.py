@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from spgf_torch.cli.batch import run_each
 from spgf_torch.cli.command import run_command
@@ -19,9 +19,7 @@ from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.scene.config import PredictConfig
 
 if TYPE_CHECKING:
-    import numpy as np
-
-    from spgf_torch.hands.records import Grasp, Gripper
+    from spgf_torch.hands.records import Grasp
     from spgf_torch.predictor import Predictor
     from spgf_torch.scene.scene import Scene
 
@@ -43,18 +41,6 @@ def _ranking(predictor: Predictor, votes: Path | None, judge: Path | None, scene
     return lines
 
 
-def judge_head(
-    grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, judge: Path | None
-) -> dict[str, Any] | None:
-    """What grasps.json says of the judge: where it is, what it knew, below which probability nothing is sure."""
-    if predictor.judged is None or judge is None:
-        return None
-    sure = predictor.judged.judge.sure
-    nothing = not grasps or grasps[0].probability < sure
-    about = {"folder": str(judge.resolve()), "unseen_space": scene.views is not None}
-    return {**about, "known": scene.unseen, "sure": sure, "nothing_sure": nothing}
-
-
 def _doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> str | None:
     """Why there is no grasp, or that none is sure."""
     judged = predictor.judged
@@ -66,57 +52,6 @@ def _doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> str 
         return None
     best, sure = grasps[0].probability, judged.judge.sure
     return f"nothing sure: the best holds with a probability of {best:.0%}, less than {sure:.0%}"
-
-
-def write_files(
-    folder: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper], judge: dict[str, Any] | None
-) -> int:
-    """Write the grasps in every format; returns how many `graspnet.npy` lacks, which holds two-finger jaws alone."""
-    from spgf_torch.formats.graspnet import write_graspnet
-    from spgf_torch.formats.grasps_json import write_grasps
-    from spgf_torch.formats.isaac import write_isaac
-    from spgf_torch.ros.grasps import write_moveit
-
-    write_grasps(folder / "grasps.json", grasps, grippers, judge)
-    write_isaac(folder / "isaac_grasp.yaml", grasps, grippers)
-    write_moveit(folder / "moveit_grasps.json", grasps, grippers)
-    jaws = [grasp for grasp in grasps if grippers[grasp.type].jaw]
-    write_graspnet(folder / "graspnet.npy", jaws, grippers)
-    return len(grasps) - len(jaws)
-
-
-def closings(predictor: Predictor) -> dict[str, np.ndarray]:
-    """Grasp type -> how the shapes of its hand move while it closes, for a page."""
-    from spgf_torch.drawing.page_hands import fractions
-    from spgf_torch.hands.config import HandConfig
-    from spgf_torch.hands.hand import closing_poses, load_hand
-    from spgf_torch.settings import typed
-
-    known = predictor.model or predictor.judged.judge  # type: ignore[union-attr]
-    hand = load_hand(typed(HandConfig, known.settings["hand"]))
-    return {name: closing_poses(hand, name, fractions()) for name in predictor.grippers}
-
-
-def _write_page(
-    folder: Path, grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, lines: Sequence[str | None]
-) -> None:
-    """Write the picture and, where plotly is installed, the page, with `lines`."""
-    from spgf_torch.drawing.grasp_page import write_scene_page
-    from spgf_torch.drawing.grasp_scene import Beside
-    from spgf_torch.drawing.judge_words import weighed_words
-    from spgf_torch.proposing.judge_influences import weighed
-
-    words: tuple[str, ...] = ()
-    if predictor.judged is not None:
-        known = [grasp.numbers for grasp in grasps if grasp.numbers is not None]
-        names = sorted(predictor.grippers)
-        words = tuple(weighed_words(weights, names) for weights in weighed(predictor.judged.judge, known))
-    given = tuple(line for line in lines if line)
-    closing = closings(predictor) if grasps else {}
-    beside = Beside(scene.obstacles.double().numpy(), scene.table, given, scene.notes, words, closing)
-    positions, normals = scene.texlets.positions.double().numpy(), scene.texlets.normals.double().numpy()
-    pictures = folder / "index.html" if installed("plotly") else None, folder / "grasps.png"
-    write_scene_page(*pictures, positions, normals, grasps, predictor.grippers, predictor.names, beside)
 
 
 def _files(folder: Path, anything: bool) -> str:
@@ -166,6 +101,8 @@ def _predict(config: PredictConfig, folder: Path, loaded: Callable[[], Predictor
     import numpy as np
 
     from spgf_torch.affordance.model import check_device
+    from spgf_torch.grasps.page import write_page
+    from spgf_torch.grasps.saving import jaws
     from spgf_torch.predictor import sensing_of
     from spgf_torch.scene.assembly import read_scene
 
@@ -187,10 +124,9 @@ def _predict(config: PredictConfig, folder: Path, loaded: Callable[[], Predictor
     seconds = time.perf_counter() - start
 
     doubts = _doubts(grasps, predictor, scene)
-    left = write_files(folder, grasps, predictor.grippers, judge_head(grasps, predictor, scene, judge))
-    if len(scene.texlets):
-        _write_page(folder, grasps, predictor, scene, (doubts, *(ranking if judge else ())))
-    _tell(grasps, predictor, scene, config.N, (doubts, left))
+    grasps.save(folder)
+    write_page(grasps, folder, [line for line in (doubts, *(ranking if judge else ())) if line])
+    _tell(grasps, predictor, scene, config.N, (doubts, jaws(grasps).count(False)))
     counted = by_type(grasps, predictor.grippers)
     show(f"{len(grasps)} grasps ({counted}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
     show(_files(folder, bool(len(scene.texlets))))
