@@ -6,6 +6,8 @@ Blocks: `sh` (commands), `python` (one program for the whole page), `text` (what
 - `<!-- test: WORDS -->`: a test adds these words to the block's spgf commands, since what a reader runs takes too long;
   `status=2` among them says that the command ends so;
 - `<!-- not run: REASON -->`: no test can run it.
+
+In a test, the port 8786 of a page is one that is free.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import os
 import re
 import shlex
 import shutil
+import socket
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
@@ -36,6 +39,7 @@ TITLE = re.compile(r'title="([^"]+)"')
 # What the progress of a stage says on stderr: seconds, and nothing that a page shows.
 PROGRESS = re.compile(r" \d+ \w* +done in +[\d.]+ s")
 RUN = ("sh", "python")
+PORT = "8786"
 
 
 @dataclass(frozen=True)
@@ -89,18 +93,26 @@ class Reader:
     """Runs blocks in the working folder of this process, which whoever makes it has changed to a new one."""
 
     names: dict[str, Any] = field(default_factory=lambda: {"__name__": "tutorial"})
+    port: int = field(default_factory=lambda: free_port())
 
     def run(self, block: Block, place: str) -> str:
         """What a block prints, on stdout and stderr. AssertionError where a command ends with another status."""
+        text = block.text.replace(PORT, str(self.port))
         if block.file is not None:
-            Path(block.file).write_text(block.text, encoding="utf-8")
+            Path(block.file).write_text(text, encoding="utf-8")
             return ""
         if block.language == "python":
             out = StringIO()
             with redirect_stdout(out), redirect_stderr(out):
-                exec(compile("\n" * block.line + block.text, place, "exec"), self.names)
+                exec(compile("\n" * block.line + text, place, "exec"), self.names)
             return out.getvalue()
-        return "".join(self.line(words, block.added) for words in command_lines(block.text))
+        return "".join(self.line(words, block.added) for words in command_lines(text))
+
+    def close(self) -> None:
+        """Close what the page's program has opened and not closed, such as a cluster."""
+        for opened in self.names.values():
+            if not isinstance(opened, type) and callable(close := getattr(opened, "close", None)):
+                close()
 
     def line(self, words: Sequence[str], added: Sequence[str] = ()) -> str:
         """What one line of a shell prints: `spgf`, in this process, or one of a few commands of the system."""
@@ -108,6 +120,12 @@ class Reader:
         if program == "spgf":
             return spgf([*rest, *added])
         return SYSTEM[program](*rest) or ""
+
+
+def free_port() -> int:
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        return listening.getsockname()[1]
 
 
 def command_lines(text: str) -> Iterator[list[str]]:
