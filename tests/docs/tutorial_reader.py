@@ -12,7 +12,6 @@ In a test, the port 8786 of a page is one that is free.
 
 from __future__ import annotations
 
-import glob
 import os
 import re
 import shlex
@@ -129,11 +128,11 @@ def free_port() -> int:
 
 
 def command_lines(text: str) -> Iterator[list[str]]:
-    """The words of each line of a shell; of names with a `*` the files that there are, as a shell does."""
+    """The words of each line of a shell."""
     for line in text.replace("\\\n", " ").splitlines():
         words = shlex.split(line, comments=True)
         if words:
-            yield [each for word in words for each in (sorted(glob.glob(word)) if "*" in word else ()) or [word]]
+            yield words
 
 
 def spgf(words: Sequence[str]) -> str:
@@ -167,7 +166,8 @@ def process_kept() -> Iterator[StringIO]:
 
 def listed(*folders: str) -> str:
     """The names in a folder, one a line."""
-    return "".join(f"{name}\n" for name in sorted(os.listdir(folders[0] if folders else ".")) if name[0] != ".")
+    names = sorted(path.name for path in Path(*folders).iterdir())
+    return "".join(f"{name}\n" for name in names if not name.startswith("."))
 
 
 def made(*folders: str) -> None:
