@@ -19,7 +19,7 @@ import shutil
 import socket
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import AbstractContextManager, contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
@@ -110,8 +110,8 @@ class Reader:
     def close(self) -> None:
         """Close what the page's program has opened and not closed, such as a cluster."""
         for opened in self.names.values():
-            if not isinstance(opened, type) and callable(close := getattr(opened, "close", None)):
-                close()
+            if isinstance(opened, AbstractContextManager):
+                opened.__exit__(None, None, None)
 
     def line(self, words: Sequence[str], added: Sequence[str] = ()) -> str:
         """What one line of a shell prints: `spgf`, in this process, or one of a few commands of the system."""
