@@ -80,6 +80,8 @@ def test_a_tutorial_is_short_and_begins_with_its_end(page: Path) -> None:
         ("20 grasps in ... s\n", "20 grasps in 1.25 s\n", True),
         ("20 grasps in ... s\n", "21 grasps in 1.25 s\n", False),
         ("a\n", "model             1 model      done in   96.3 s\na\n", True),
+        ("a\n", "objects           1 of 4 meshes       29.0 s, about 87 s left\na\n", True),
+        ("a\n", "20 grasps from 364 texlets in 7.40 s\na\n", False),
     ],
 )
 def test_what_counts_as_shown(expected: str, printed: str, same: bool) -> None:

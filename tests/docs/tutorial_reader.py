@@ -36,7 +36,7 @@ FENCE = re.compile(
 )
 TITLE = re.compile(r'title="([^"]+)"')
 # What the progress of a stage says on stderr: seconds, and nothing that a page shows.
-PROGRESS = re.compile(r" \d+ \w* +done in +[\d.]+ s")
+PROGRESS = re.compile(r" \d+ \w* +done in +[\d.]+ s| \d+ of \d+ \w+ +[\d.]+ s, about")
 RUN = ("sh", "python")
 PORT = "8786"
 
