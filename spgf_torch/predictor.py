@@ -24,7 +24,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.files.given_paths import model_and_judge
 from spgf_torch.grasps.grasps import Grasps, Source
 from spgf_torch.hands.config import HandConfig
-from spgf_torch.hands.hand import load_hand
+from spgf_torch.hands.hand import Hand, load_hand
 from spgf_torch.hands.records import Grasp, Gripper, grippers_of, make_grasp
 from spgf_torch.proposing.bodies import bodies_of
 from spgf_torch.proposing.borders import Borders
@@ -63,6 +63,7 @@ class Predictor:
         retreat: m between pregrasp and grasp.
         judged: who proposes in the place of the votes; None: the votes do.
         judge_folder: where that judge was loaded from.
+        hand: the loaded hand, for whoever draws it closing.
     """
 
     model: GraspModel | None
@@ -72,6 +73,7 @@ class Predictor:
     retreat: float
     judged: JudgedProposer | None = None
     judge_folder: Path | None = None
+    hand: Hand | None = None
 
     @staticmethod
     def load(
@@ -101,15 +103,16 @@ class Predictor:
         loaded = load_hand(typed(HandConfig, hand))
         grippers, volumes = grippers_of(loaded), hand_volumes(loaded)
         if model is None:
-            judged = JudgedProposer.alone(its_judge, volumes, config)  # type: ignore[arg-type]
-            return Predictor(None, sensing, grippers, None, retreat, judged, ranks)
+            alone = JudgedProposer.alone(its_judge, volumes, config)  # type: ignore[arg-type]
+            return Predictor(None, sensing, grippers, None, retreat, alone, ranks, loaded)
         proposer = Proposer.of(model, config, volumes)
-        return Predictor(model, sensing, grippers, proposer, retreat, _with_votes(its_judge, proposer), ranks)
+        beside = _with_votes(its_judge, proposer)
+        return Predictor(model, sensing, grippers, proposer, retreat, beside, ranks, loaded)
 
     def ready(self) -> Predictor:
         """Do now what the first prediction would do besides: tables of the model, and compiled loops; seconds."""
         if (proposer := self.proposer) is not None:
-            _ = proposer.index, proposer.grasp_seeds, proposer.moves
+            _ = proposer.index, proposer.grasp_seeds, proposer.moves, self.names
         self.predict(block(self.sensing.spacing))
         return self
 
@@ -202,7 +205,8 @@ class Predictor:
         found: list[Grasp] = []
         for target in scene.targets if scene.no_grasp is None else ():
             proposals = self._proposed((own := scene.of(target)).texlets, self.surroundings(own, failed), own.views)
-            found += self.grasps(proposals, top, keep, target)
+            texlet = (scene.labels == target).nonzero()[:, 0].numpy()
+            found += [_in_scene(grasp, texlet) for grasp in self.grasps(proposals, top, keep, target)]
         return self._found(sorted(found, key=lambda grasp: -grasp.score), scene)
 
     def _found(self, grasps: Sequence[Grasp], scene: Scene) -> Grasps:
@@ -247,16 +251,17 @@ class Predictor:
         self, proposals: Proposals, top: int, keep: Callable[[Grasp], bool] | None = None, target: int = 1
     ) -> list[Grasp]:
         """The `top` best proposals of each type, of those that `keep` keeps, with everything that a robot needs."""
-        found: list[Grasp] = []
+        found: dict[int, Grasp] = {}
         wanted = dict.fromkeys(proposals.grasp_types, top)
         for i, code in enumerate(proposals.grasp_type.tolist()):
             if not wanted[grasp_type := proposals.grasp_types[code]]:
                 continue
             grasp = self._grasp(proposals, i, target)
             if keep is None or _kept(keep, grasp):
-                found.append(grasp)
+                found[i] = grasp
                 wanted[grasp_type] -= 1
-        return found
+        voted = [None] * len(found) if self.proposer is None else self.proposer.who_voted(proposals, list(found))
+        return [replace(grasp, voters=voters) for grasp, voters in zip(found.values(), voted, strict=True)]
 
     def _grasp(self, proposals: Proposals, i: int, target: int) -> Grasp:
         """The grasp of one proposal."""
@@ -288,6 +293,13 @@ def scene_of_texlets(texlets: Texlets, plane: np.ndarray | None, spacing: float)
     one = torch.ones(len(texlets), dtype=torch.int64)
     table = None if plane is None else np.asarray(plane, dtype=np.float64)
     return Scene(texlets, one, torch.zeros(0, 3), table, None, None, spacing, ())
+
+
+def _in_scene(grasp: Grasp, texlet: np.ndarray) -> Grasp:
+    """A grasp of one target in its scene: texlet i of the target is texlet[i] of the scene."""
+    if grasp.voters is None:
+        return grasp
+    return replace(grasp, voters=replace(grasp.voters, texlet=texlet[grasp.voters.texlet]))
 
 
 def surroundings_of(

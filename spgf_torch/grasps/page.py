@@ -13,10 +13,8 @@ from spgf_torch.drawing.grasp_scene import Beside
 from spgf_torch.drawing.judge_words import weighed_words
 from spgf_torch.drawing.page_hands import fractions
 from spgf_torch.extras import installed
-from spgf_torch.hands.config import HandConfig
-from spgf_torch.hands.hand import closing_poses, load_hand
+from spgf_torch.hands.hand import closing_poses
 from spgf_torch.proposing.judge_influences import weighed
-from spgf_torch.settings import typed
 
 if TYPE_CHECKING:
     from spgf_torch.grasps.grasps import Grasps
@@ -50,6 +48,5 @@ def write_page(grasps: Grasps, folder: Path, lines: Sequence[str] = ()) -> list[
 
 def closings(model: Predictor) -> dict[str, np.ndarray]:
     """Grasp type -> how the shapes of its hand move while it closes."""
-    known = model.model or model.judged.judge  # type: ignore[union-attr]
-    hand = load_hand(typed(HandConfig, known.settings["hand"]))
-    return {name: closing_poses(hand, name, fractions()) for name in model.grippers}
+    hand = model.hand
+    return {} if hand is None else {name: closing_poses(hand, name, fractions()) for name in model.grippers}

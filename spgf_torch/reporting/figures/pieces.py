@@ -11,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 
+from spgf_torch.drawing.prototype_rings import Ring, shading
 from spgf_torch.drawing.style import ALONG, LIGHT, MESH, TOWARDS, angle_colours, camera
-from spgf_torch.reporting.figures.learned import Ring
+from spgf_torch.geometry.tangents import tangents
 
 PATCH = 0.012  # m; largest edge of a triangle that is sorted by depth
 STEP = 0.006  # m; longest piece of a line that is sorted by depth
@@ -104,7 +105,7 @@ def frame(T: np.ndarray, length: float, width: float = 1.1) -> Pieces:
 def ring(layer: Ring, grey: bool = False) -> Pieces:
     """One layer of a prototype: coloured by alpha2 or grey, gaps as dashes."""
     colours = np.full((len(layer.quads), 3), 0.72) if grey else angle_colours(layer.alpha2_deg)
-    shade = np.ones(len(colours)) if grey else _shading(layer.quads)
+    shade = np.ones(len(colours)) if grey else shading(layer.quads)
     dashes = lines(layer.gap_lines, np.full((len(layer.gap_lines), 3), 0.6), 0.9)
     return joined([faces(layer.quads, colours * shade[:, None]), dashes])
 
@@ -116,7 +117,7 @@ def centre(size: float, colour: str) -> Pieces:
 
 def texlets(positions: np.ndarray, normals: np.ndarray, colours: np.ndarray, size: float = TEXLET) -> Pieces:
     """Surface patches (N, 3) m with unit normals (N, 3) as squares `size` m wide, shaded by the lamp."""
-    x, y = _across(normals)
+    x, y = tangents(normals)
     corners = positions[:, None] + size / 2 * np.stack([x + y, y - x, -x - y, x - y], axis=1)
     shade = 0.8 + 0.2 * np.clip(normals @ LIGHT, 0, 1)
     return faces(corners, np.asarray(colours) * shade[:, None])
@@ -135,18 +136,3 @@ def mesh(solid: trimesh.Trimesh, view: View, colour: str = MESH) -> Pieces:
     corners = fine.triangles[front]
     shade = 0.72 + 0.28 * np.clip(fine.face_normals[front] @ LIGHT, 0, 1)
     return faces(np.concatenate([corners, corners[:, -1:]], axis=1), shade[:, None] * to_rgb(colour))
-
-
-def _across(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two directions (N, 3) in the planes of unit normals (N, 3), at right angles."""
-    helper = np.where(np.abs(normals[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
-    x = np.cross(helper, normals)
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    return x, np.cross(normals, x)
-
-
-def _shading(quads: np.ndarray) -> np.ndarray:
-    """(C,) brightness in [0.82, 1] by how much a quadrilateral faces the lamp."""
-    normal = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True).clip(1e-12)
-    return 0.82 + 0.18 * np.abs(normal @ LIGHT)
