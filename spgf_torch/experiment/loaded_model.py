@@ -61,8 +61,8 @@ def loaded_model(model: GraspModel, config: EvaluateConfig) -> LoadedModel:
         learned = model.settings["hand"]["name"]
         got = f"one of {learned}" if learned != config.hand.name else "one of another URDF or description of it"
         raise InputError(
-            f"{config.model}: expected a model learned with this hand ({config.hand.name}), got {got}; give the model's "
-            "own: hand=NAME, or hand=FILE.yaml"
+            f"{config.model}: expected a model learned with this hand ({config.hand.name}), got {got}; give the "
+            "model's own: hand=NAME, or hand=FILE.yaml"
         )
     affordance = typed(AffordanceConfig, model.settings["affordance"])
     features = typed(FeatureConfig, model.settings["features"])
