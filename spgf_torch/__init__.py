@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from spgf_torch.prototypes.estimator import Prototypes
     from spgf_torch.scene.scene import Scene
     from spgf_torch.sensing.texlets import Texlets
+    from spgf_torch.training.api import train
 
 __all__ = [
     "SPGF",
@@ -37,6 +38,7 @@ __all__ = [
     "__version__",
     "load",
     "load_hand_file",
+    "train",
 ]
 __version__ = "0.1.0"  # pyproject.toml reads it here
 
@@ -51,6 +53,7 @@ _HOMES = {
     "Prototypes": "spgf_torch.prototypes.estimator",
     "Scene": "spgf_torch.scene.scene",
     "Texlets": "spgf_torch.sensing.texlets",
+    "train": "spgf_torch.training.api",
 }
 
 # OpenMP threads that spin while they wait make torch many times slower as soon as another process needs the
