@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
-.PHONY: train paper test quick check docs bench fuzz trials judges models wheel clean mutants
+.PHONY: train paper test quick check docs tutorials bench fuzz trials judges models wheel clean mutants
 train: $(READY)
 	$(BIN)/python -m spgf_torch.train +K=20
 
@@ -44,6 +44,10 @@ $(READY): pyproject.toml
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'  # with all extras but baselines
 	touch $(READY)
+
+# Every page of docs/tutorials, also those that train: minutes.
+tutorials: $(READY)
+	SPGF_TUTORIALS=all $(BIN)/python -m pytest -n 0 tests/docs
 
 # Wheel and sdist: what they hold, and the wheel alone in a new environment (tests/packaging).
 wheel: $(READY)

@@ -74,7 +74,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
     tables = _show_rates(out, objects, config)
     if generation.trials:
         show(f"{generation.trials / stages.seconds['trials']:.0f} candidates/s")
-    show(f"{tables} files in {out}")
+    show(f"{tables} file{'s' * (tables != 1)} in {out}")
     _tell(run_state, objects)
 
 
