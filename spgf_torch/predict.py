@@ -10,17 +10,15 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from spgf_torch import __version__
 from spgf_torch.cli.batch import run_each
-from spgf_torch.cli.command import run_command
+from spgf_torch.cli.command import command_line, run_command
 from spgf_torch.errors import InputError
-from spgf_torch.extras import installed, remedy
 from spgf_torch.files.given_paths import check_files, model_and_judge
 from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.scene.config import PredictConfig
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from spgf_torch.hands.records import Grasp, Gripper
     from spgf_torch.predictor import Predictor
     from spgf_torch.scene.scene import Scene
@@ -85,44 +83,46 @@ def write_files(
     return len(grasps) - len(jaws)
 
 
-def closings(predictor: Predictor) -> dict[str, np.ndarray]:
-    """Grasp type -> how the shapes of its hand move while it closes, for a page."""
-    from spgf_torch.drawing.page_hands import fractions
-    from spgf_torch.hands.config import HandConfig
-    from spgf_torch.hands.hand import closing_poses, load_hand
-    from spgf_torch.settings import typed
+def _head(config: PredictConfig, predictor: Predictor, votes: Path | None, judge: Path | None) -> list[tuple[str, str]]:
+    """What a page says of itself: file, hand, model, command, date, version."""
+    from spgf_torch.drawing.grasp_beside import model_words
 
     known = predictor.model or predictor.judged.judge  # type: ignore[union-attr]
-    hand = load_hand(typed(HandConfig, known.settings["hand"]))
-    return {name: closing_poses(hand, name, fractions()) for name in predictor.grippers}
+    files = config.input if isinstance(config.input, list) else [config.input]
+    folders = dict.fromkeys(folder for folder in (votes, judge) if folder is not None)
+    lines = {
+        "file": ", ".join(Path(str(file)).name for file in files),
+        "hand": known.settings["hand"]["name"],
+        "model": ", judge ".join(map(model_words, folders)),
+        "date": time.strftime("%Y-%m-%d %H:%M"),
+        "version": f"spgf_torch {__version__}",
+        "command": command_line("predict"),
+    }
+    return [(name, words) for name, words in lines.items() if words]
 
 
 def _write_page(
-    folder: Path, grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, lines: Sequence[str | None]
+    folder: Path,
+    grasps: Sequence[Grasp],
+    predictor: Predictor,
+    scene: Scene,
+    head: Sequence[tuple[str, str]],
+    lines: Sequence[str | None],
 ) -> None:
-    """Write the picture and, where plotly is installed, the page, with `lines`."""
+    """Write the page and the picture."""
+    from spgf_torch.drawing.grasp_beside import beside_of
     from spgf_torch.drawing.grasp_page import write_scene_page
-    from spgf_torch.drawing.grasp_scene import Beside
-    from spgf_torch.drawing.judge_words import weighed_words
-    from spgf_torch.proposing.judge_influences import weighed
 
-    words: tuple[str, ...] = ()
-    if predictor.judged is not None:
-        known = [grasp.numbers for grasp in grasps if grasp.numbers is not None]
-        names = sorted(predictor.grippers)
-        words = tuple(weighed_words(weights, names) for weights in weighed(predictor.judged.judge, known))
-    given = tuple(line for line in lines if line)
-    closing = closings(predictor) if grasps else {}
-    beside = Beside(scene.obstacles.double().numpy(), scene.table, given, scene.notes, words, closing)
+    judge = None if predictor.judged is None else predictor.judged.judge
+    hand = (predictor.model or judge).settings["hand"]  # type: ignore[union-attr]
+    beside = beside_of(scene, grasps, hand, judge, head, [line for line in lines if line])
     positions, normals = scene.texlets.positions.double().numpy(), scene.texlets.normals.double().numpy()
-    pictures = folder / "index.html" if installed("plotly") else None, folder / "grasps.png"
+    pictures = folder / "index.html", folder / "grasps.png"
     write_scene_page(*pictures, positions, normals, grasps, predictor.grippers, predictor.names, beside)
 
 
 def _files(folder: Path, anything: bool) -> str:
     """What there is in `folder`; `anything`: something was seen that can be shown."""
-    if anything and not installed("plotly"):
-        return f"files and picture in {folder}; no page, for which {remedy('plotly')} is needed"
     return f"files{' and page' if anything else ''} in {folder}"
 
 
@@ -189,7 +189,8 @@ def _predict(config: PredictConfig, folder: Path, loaded: Callable[[], Predictor
     doubts = _doubts(grasps, predictor, scene)
     left = write_files(folder, grasps, predictor.grippers, judge_head(grasps, predictor, scene, judge))
     if len(scene.texlets):
-        _write_page(folder, grasps, predictor, scene, (doubts, *(ranking if judge else ())))
+        head = _head(config, predictor, votes, judge)
+        _write_page(folder, grasps, predictor, scene, head, (doubts, *(ranking if judge else ())))
     _tell(grasps, predictor, scene, config.N, (doubts, left))
     counted = by_type(grasps, predictor.grippers)
     show(f"{len(grasps)} grasps ({counted}) from {len(scene.texlets)} texlets in {seconds:.2f} s")

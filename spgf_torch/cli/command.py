@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shlex
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
@@ -147,6 +148,11 @@ def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: 
     for error in refused:
         raise error
     return status
+
+
+def command_line(command: str) -> str:
+    """What was asked of a command, as it can be asked again; empty where it was not called from a shell."""
+    return shlex.join(["spgf", command, *HydraConfig.get().overrides.task]) if HydraConfig.initialized() else ""
 
 
 def fail(command: str, error: Exception) -> NoReturn:

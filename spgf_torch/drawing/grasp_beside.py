@@ -1,0 +1,89 @@
+"""What a page shows beside targets and grasps, gathered from a scene, a hand, a judge and prototypes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from spgf_torch.drawing.grasp_scene import Beside
+from spgf_torch.drawing.judge_words import WeighedNumber, weighed_words
+from spgf_torch.drawing.page_hands import fractions
+from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import closing_poses, load_hand
+from spgf_torch.hands.records import Grasp
+from spgf_torch.proposing.judge import Judge
+from spgf_torch.proposing.judge_influences import weighed
+from spgf_torch.scene.scene import Scene
+from spgf_torch.settings import typed
+
+SHORT = 8  # letters of a digest that are shown
+DIGEST = "tensors_sha256"  # key in model.json and judge.json
+
+
+def beside_of(
+    scene: Scene,
+    grasps: Sequence[Grasp],
+    hand: Mapping[str, Any],
+    judge: Judge | None = None,
+    head: Sequence[tuple[str, str]] = (),
+    lines: Sequence[str] = (),
+) -> Beside:
+    """All that a page shows beside the targets and `grasps`.
+
+    Args:
+        hand: the settings of the hand, as models keep them. judge: who ranked; None: the votes.
+        head: name and value of what is said of the page. lines: of plain text, such as doubts.
+    """
+    return Beside(
+        obstacles=scene.obstacles.double().numpy(),
+        table=scene.table,
+        sensed=scene.sensed,
+        cameras=_cameras(scene),
+        head=tuple(head),
+        lines=tuple(lines),
+        notes=scene.notes,
+        weighed=_weighed(grasps, judge),
+        closing=closings(hand, {grasp.type for grasp in grasps}),
+    )
+
+
+def closings(settings: Mapping[str, Any], grasp_types: Sequence[str] | set[str]) -> dict[str, np.ndarray]:
+    """Grasp type -> how the shapes of its hand move while it closes; of a hand by its settings."""
+    if not grasp_types:
+        return {}
+    hand = load_hand(typed(HandConfig, dict(settings)))
+    return {name: closing_poses(hand, name, fractions()) for name in sorted(grasp_types)}
+
+
+def model_words(folder: Path) -> str:
+    """A model or judge by the name of its folder and the beginning of its tensors' digest: `panda (3b6d4dc3)`."""
+    for name in ("model.json", "judge.json"):
+        if (path := folder / name).is_file():
+            digest = str(json.loads(path.read_text(encoding="utf-8")).get(DIGEST, ""))[:SHORT]
+            return f"{folder.resolve().name} ({digest})" if digest else folder.resolve().name
+    return folder.resolve().name
+
+
+def _weighed(grasps: Sequence[Grasp], judge: Judge | None) -> tuple[tuple[WeighedNumber, ...], ...]:
+    if judge is None:
+        return ()
+    known = [grasp.numbers for grasp in grasps if grasp.numbers is not None]
+    types = sorted(judge.grasp_types)
+    return tuple(weighed_words(weights, types) for weights in weighed(judge, known))
+
+
+def _cameras(scene: Scene) -> tuple[tuple[np.ndarray, np.ndarray | None, np.ndarray | None], ...]:
+    """Of each view where it was, how it looked, and how far its image reaches 1 m ahead; else the places alone."""
+    if scene.views:
+        found = []
+        for view in scene.views:
+            (height, width), K = view.depth.shape, view.K.double().numpy()
+            pixels = np.array([[-0.5, -0.5, 1.0], [width - 0.5, height - 0.5, 1.0]])
+            reach = (pixels @ np.linalg.inv(K).T)[:, :2]
+            found.append((view.eye.double().numpy(), view.rotation.double().numpy(), reach))
+        return tuple(found)
+    return tuple((place, None, None) for place in (() if scene.viewpoints is None else scene.viewpoints))
