@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from spgf_torch.errors import InputError
     from spgf_torch.features.estimator import SPGF
+    from spgf_torch.grasps.grasps import Grasps
     from spgf_torch.hands.description_file import load_hand_file
     from spgf_torch.hands.records import Grasp
     from spgf_torch.predictor import Predictor
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = [
     "SPGF",
     "Grasp",
+    "Grasps",
     "InputError",
     "Predictor",
     "Prototypes",
@@ -42,6 +44,7 @@ __version__ = "0.1.0"  # pyproject.toml reads it here
 _HOMES = {
     "SPGF": "spgf_torch.features.estimator",
     "Grasp": "spgf_torch.hands.records",
+    "Grasps": "spgf_torch.grasps.grasps",
     "InputError": "spgf_torch.errors",
     "load_hand_file": "spgf_torch.hands.description_file",
     "Predictor": "spgf_torch.predictor",

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from spgf_torch import __version__
 from spgf_torch.cli.batch import run_each
 from spgf_torch.cli.command import command_line, run_command
 from spgf_torch.errors import InputError
@@ -19,7 +18,7 @@ from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.scene.config import PredictConfig
 
 if TYPE_CHECKING:
-    from spgf_torch.hands.records import Grasp, Gripper
+    from spgf_torch.hands.records import Grasp
     from spgf_torch.predictor import Predictor
     from spgf_torch.scene.scene import Scene
 
@@ -41,18 +40,6 @@ def _ranking(predictor: Predictor, votes: Path | None, judge: Path | None, scene
     return lines
 
 
-def judge_head(
-    grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, judge: Path | None
-) -> dict[str, Any] | None:
-    """What grasps.json says of the judge: where it is, what it knew, below which probability nothing is sure."""
-    if predictor.judged is None or judge is None:
-        return None
-    sure = predictor.judged.judge.sure
-    nothing = not grasps or grasps[0].probability < sure
-    about = {"folder": str(judge.resolve()), "unseen_space": scene.views is not None}
-    return {**about, "known": scene.unseen, "sure": sure, "nothing_sure": nothing}
-
-
 def _doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> str | None:
     """Why there is no grasp, or that none is sure."""
     judged = predictor.judged
@@ -66,59 +53,19 @@ def _doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> str 
     return f"nothing sure: the best holds with a probability of {best:.0%}, less than {sure:.0%}"
 
 
-def write_files(
-    folder: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper], judge: dict[str, Any] | None
-) -> int:
-    """Write the grasps in every format; returns how many `graspnet.npy` lacks, which holds two-finger jaws alone."""
-    from spgf_torch.formats.graspnet import write_graspnet
-    from spgf_torch.formats.grasps_json import write_grasps
-    from spgf_torch.formats.isaac import write_isaac
-    from spgf_torch.ros.grasps import write_moveit
-
-    write_grasps(folder / "grasps.json", grasps, grippers, judge)
-    write_isaac(folder / "isaac_grasp.yaml", grasps, grippers)
-    write_moveit(folder / "moveit_grasps.json", grasps, grippers)
-    jaws = [grasp for grasp in grasps if grippers[grasp.type].jaw]
-    write_graspnet(folder / "graspnet.npy", jaws, grippers)
-    return len(grasps) - len(jaws)
-
-
 def _head(config: PredictConfig, predictor: Predictor, votes: Path | None, judge: Path | None) -> list[tuple[str, str]]:
-    """What a page says of itself: file, hand, model, command, date, version."""
+    """What a page says of itself: file, hand, model, date, command."""
     from spgf_torch.drawing.grasp_beside import model_words
 
-    known = predictor.model or predictor.judged.judge  # type: ignore[union-attr]
     files = config.input if isinstance(config.input, list) else [config.input]
     folders = dict.fromkeys(folder for folder in (votes, judge) if folder is not None)
-    lines = {
+    head = {
         "file": ", ".join(Path(str(file)).name for file in files),
-        "hand": known.settings["hand"]["name"],
         "model": ", judge ".join(map(model_words, folders)),
         "date": time.strftime("%Y-%m-%d %H:%M"),
-        "version": f"spgf_torch {__version__}",
-        "command": command_line("predict"),
+        "command": command_line(),
     }
-    return [(name, words) for name, words in lines.items() if words]
-
-
-def _write_page(
-    folder: Path,
-    grasps: Sequence[Grasp],
-    predictor: Predictor,
-    scene: Scene,
-    head: Sequence[tuple[str, str]],
-    lines: Sequence[str | None],
-) -> None:
-    """Write the page and the picture."""
-    from spgf_torch.drawing.grasp_beside import beside_of
-    from spgf_torch.drawing.grasp_page import write_scene_page
-
-    judge = None if predictor.judged is None else predictor.judged.judge
-    hand = (predictor.model or judge).settings["hand"]  # type: ignore[union-attr]
-    beside = beside_of(scene, grasps, hand, judge, head, [line for line in lines if line])
-    positions, normals = scene.texlets.positions.double().numpy(), scene.texlets.normals.double().numpy()
-    pictures = folder / "index.html", folder / "grasps.png"
-    write_scene_page(*pictures, positions, normals, grasps, predictor.grippers, predictor.names, beside)
+    return [(name, words) for name, words in head.items() if words]
 
 
 def _files(folder: Path, anything: bool) -> str:
@@ -166,6 +113,8 @@ def _predict(config: PredictConfig, folder: Path, loaded: Callable[[], Predictor
     import numpy as np
 
     from spgf_torch.affordance.model import check_device
+    from spgf_torch.grasps.page import write_page
+    from spgf_torch.grasps.saving import jaws
     from spgf_torch.predictor import sensing_of
     from spgf_torch.scene.assembly import read_scene
 
@@ -187,11 +136,10 @@ def _predict(config: PredictConfig, folder: Path, loaded: Callable[[], Predictor
     seconds = time.perf_counter() - start
 
     doubts = _doubts(grasps, predictor, scene)
-    left = write_files(folder, grasps, predictor.grippers, judge_head(grasps, predictor, scene, judge))
-    if len(scene.texlets):
-        head = _head(config, predictor, votes, judge)
-        _write_page(folder, grasps, predictor, scene, head, (doubts, *(ranking if judge else ())))
-    _tell(grasps, predictor, scene, config.N, (doubts, left))
+    grasps.save(folder)
+    told = _head(config, predictor, votes, judge), ranking if judge else (), [doubts] if doubts else ()
+    write_page(grasps, folder, *told)
+    _tell(grasps, predictor, scene, config.N, (doubts, jaws(grasps).count(False)))
     counted = by_type(grasps, predictor.grippers)
     show(f"{len(grasps)} grasps ({counted}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
     show(_files(folder, bool(len(scene.texlets))))

@@ -10,7 +10,7 @@ Frames and units: the docstring of `spgf_torch.geometry`. Everything that comes 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +22,7 @@ from spgf_torch.affordance.model import GraspModel, check_device, load_model, mo
 from spgf_torch.affordance.sensed_collision import hand_volumes
 from spgf_torch.errors import InputError
 from spgf_torch.files.given_paths import model_and_judge
+from spgf_torch.grasps.grasps import Grasps, Source
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.hands.records import Grasp, Gripper, grippers_of, make_grasp
@@ -61,6 +62,7 @@ class Predictor:
         grippers: grasp type -> the open hand.
         retreat: m between pregrasp and grasp.
         judged: who proposes in the place of the votes; None: the votes do.
+        judge_folder: where that judge was loaded from.
     """
 
     model: GraspModel | None
@@ -69,6 +71,7 @@ class Predictor:
     proposer: Proposer | None
     retreat: float
     judged: JudgedProposer | None = None
+    judge_folder: Path | None = None
 
     @staticmethod
     def load(
@@ -99,9 +102,9 @@ class Predictor:
         grippers, volumes = grippers_of(loaded), hand_volumes(loaded)
         if model is None:
             judged = JudgedProposer.alone(its_judge, volumes, config)  # type: ignore[arg-type]
-            return Predictor(None, sensing, grippers, None, retreat, judged)
+            return Predictor(None, sensing, grippers, None, retreat, judged, ranks)
         proposer = Proposer.of(model, config, volumes)
-        return Predictor(model, sensing, grippers, proposer, retreat, _with_votes(its_judge, proposer))
+        return Predictor(model, sensing, grippers, proposer, retreat, _with_votes(its_judge, proposer), ranks)
 
     def ready(self) -> Predictor:
         """Do now what the first prediction would do besides: tables of the model, and compiled loops; seconds."""
@@ -153,8 +156,13 @@ class Predictor:
         return texlets_of(cloud, settings(SceneConfig, **changes), self.sensing, np.random.default_rng(0))
 
     def predict(
-        self, scene: Scene | Texlets, top: int = 10, plane: np.ndarray | None = None, avoid: object = None
-    ) -> list[Grasp]:
+        self,
+        scene: Scene | Texlets,
+        top: int = 10,
+        plane: np.ndarray | None = None,
+        avoid: object = None,
+        keep: Callable[[Grasp], bool] | None = None,
+    ) -> Grasps:
         """The `top` best grasps of each type for each target, one list by score; none where nothing votes.
 
         No hand touches an obstacle or reaches below the table; none comes from below, if others can.
@@ -164,14 +172,25 @@ class Predictor:
             plane: (4,) a, b, c, d of a table under texlets, a x + b y + c z + d the height above it, m.
             avoid: (A, 3) places in the scene's frame, m, where grasps failed before: none whose TCP is near one
                 (`avoid_radius` of conf/proposing/clutter.yaml), if there are others.
+            keep: says of a grasp whether it may be returned, such as whether a robot can reach it. It is asked before
+                the cut to `top`, target by target, best grasp first, until there are `top` of each type: of all
+                proposals, at most `count` of each type (conf/proposing), where it keeps few. What it raises is
+                raised. One call takes what it takes: at 10 ms for inverse kinematics and one of five reachable, half
+                a second for ten grasps of one type.
+
+        Raises:
+            InputError: what is given cannot be used, or `keep` says neither True nor False.
         """
         if not isinstance(top, int) or isinstance(top, bool) or top < 1:
             raise InputError(f"top: expected a whole number from 1, got {top!r:.40}")
+        if keep is not None and not callable(keep):
+            raise InputError(f"keep: expected a function of a grasp, got {keep!r:.40}")
         failed = None if avoid is None else self._places(avoid)
         if isinstance(scene, Texlets):
             if failed is not None:
                 raise InputError("avoid: expected with a scene, got texlets")
-            return self.grasps(self.propose(scene, plane), top)
+            bare = scene_of_texlets(scene, plane, self.sensing.spacing)
+            return self._found(self.grasps(self.propose(scene, plane), top, keep), bare)
         if not isinstance(scene, Scene):
             raise InputError(
                 f"scene: expected a Scene or Texlets, got {type(scene).__name__}; make one with "
@@ -183,8 +202,17 @@ class Predictor:
         found: list[Grasp] = []
         for target in scene.targets if scene.no_grasp is None else ():
             proposals = self._proposed((own := scene.of(target)).texlets, self.surroundings(own, failed), own.views)
-            found += [replace(grasp, target=target) for grasp in self.grasps(proposals, top)]
-        return sorted(found, key=lambda grasp: -grasp.score)
+            found += self.grasps(proposals, top, keep, target)
+        return self._found(sorted(found, key=lambda grasp: -grasp.score), scene)
+
+    def _found(self, grasps: Sequence[Grasp], scene: Scene) -> Grasps:
+        said = None
+        if self.judged is not None:
+            folder = None if self.judge_folder is None else str(self.judge_folder.resolve())
+            known = {"unseen_space": scene.views is not None, "known": scene.unseen}
+            said = {"folder": folder, **known, "sure": self.judged.judge.sure}
+        source = Source(self, scene, np.eye(4))
+        return Grasps(tuple(grasps), self.grippers, tuple(self.names), said, source)
 
     def _places(self, avoid: object) -> torch.Tensor:
         """(A, 3) f32 places; InputError for anything else, and where the settings say of none how near is near."""
@@ -215,26 +243,51 @@ class Predictor:
         assert self.proposer is not None  # one of them ranks
         return self.proposer.propose(texlets, around)
 
-    def grasps(self, proposals: Proposals, top: int) -> list[Grasp]:
-        """The best of the proposals, with everything that a robot needs."""
-        kept = sorted({i for indices in proposals.best(top).values() for i in indices.tolist()})
-        found = []
-        for i in kept:
-            grasp = make_grasp(
-                self.grippers[proposals.grasp_types[int(proposals.grasp_type[i])]],
-                proposals.T_object_tcp[i].cpu().numpy(),
-                float(proposals.probability[i]),
-                int(proposals.support[i]),
-                proposals.voted_by[i],
-                self.retreat,
-            )
-            judged = None
-            if proposals.judged is not None:
-                free, holds = proposals.judged[i].tolist()
-                judged = (free, holds)
-            numbers = proposals.numbers[i] if proposals.numbers else None
-            found.append(replace(grasp, score=float(proposals.score[i]), judged=judged, numbers=numbers))
+    def grasps(
+        self, proposals: Proposals, top: int, keep: Callable[[Grasp], bool] | None = None, target: int = 1
+    ) -> list[Grasp]:
+        """The `top` best proposals of each type, of those that `keep` keeps, with everything that a robot needs."""
+        found: list[Grasp] = []
+        wanted = dict.fromkeys(proposals.grasp_types, top)
+        for i, code in enumerate(proposals.grasp_type.tolist()):
+            if not wanted[grasp_type := proposals.grasp_types[code]]:
+                continue
+            grasp = self._grasp(proposals, i, target)
+            if keep is None or _kept(keep, grasp):
+                found.append(grasp)
+                wanted[grasp_type] -= 1
         return found
+
+    def _grasp(self, proposals: Proposals, i: int, target: int) -> Grasp:
+        """The grasp of one proposal."""
+        grasp = make_grasp(
+            self.grippers[proposals.grasp_types[int(proposals.grasp_type[i])]],
+            proposals.T_object_tcp[i].cpu().numpy(),
+            float(proposals.probability[i]),
+            int(proposals.support[i]),
+            proposals.voted_by[i],
+            self.retreat,
+        )
+        judged = None
+        if proposals.judged is not None:
+            free, holds = proposals.judged[i].tolist()
+            judged = (free, holds)
+        numbers = proposals.numbers[i] if proposals.numbers else None
+        return replace(grasp, score=float(proposals.score[i]), judged=judged, numbers=numbers, target=target)
+
+
+def _kept(keep: Callable[[Grasp], bool], grasp: Grasp) -> bool:
+    """What `keep` says of a grasp. Raises InputError where it is neither True nor False."""
+    if not isinstance(said := keep(grasp), bool | np.bool_):
+        raise InputError(f"keep: expected True or False of each grasp, got {said!r:.40}")
+    return bool(said)
+
+
+def scene_of_texlets(texlets: Texlets, plane: np.ndarray | None, spacing: float) -> Scene:
+    """A scene of which texlets, maybe over a table (4,), are all that is known."""
+    one = torch.ones(len(texlets), dtype=torch.int64)
+    table = None if plane is None else np.asarray(plane, dtype=np.float64)
+    return Scene(texlets, one, torch.zeros(0, 3), table, None, None, spacing, ())
 
 
 def surroundings_of(

@@ -39,6 +39,8 @@ from spgf_torch.terminal import Ended, UnheardError, ended_by_signals, patient
 
 T = TypeVar("T")
 
+_typed: list[str] = []  # the words of the command that runs
+
 NO_MEMORY = "expected more memory than this machine or the process' limit (ulimit -v) allows"
 # How torch, the loader of shared libraries and the system say so.
 OUT_OF_MEMORY = ("can't allocate memory", "Cannot allocate memory", "failed to map segment")
@@ -121,6 +123,7 @@ def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: 
     if {"--help", "-h"} & set(sys.argv[1:]):
         show(help_text(command, kind))
         return 0
+    _typed[:] = "spgf", command, *sys.argv[1:]
     sys.argv[1:] = translated(command, kind, as_overrides(command, kind, sys.argv[1:]))
     refused: list[InputError | IncompleteError] = []
     multirun = Multirun.of(command)
@@ -150,9 +153,9 @@ def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: 
     return status
 
 
-def command_line(command: str) -> str:
-    """What was asked of a command, as it can be asked again; empty where it was not called from a shell."""
-    return shlex.join(["spgf", command, *HydraConfig.get().overrides.task]) if HydraConfig.initialized() else ""
+def command_line() -> str:
+    """What was typed, as it can be typed again; empty where no command runs."""
+    return shlex.join(_typed)
 
 
 def fail(command: str, error: Exception) -> NoReturn:

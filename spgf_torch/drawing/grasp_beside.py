@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.drawing.grasp_scene import Beside
+from spgf_torch.drawing.grasp_scene import Beside, Told
 from spgf_torch.drawing.judge_words import WeighedNumber, weighed_words
 from spgf_torch.drawing.page_hands import fractions
 from spgf_torch.hands.config import HandConfig
@@ -29,23 +29,20 @@ def beside_of(
     grasps: Sequence[Grasp],
     hand: Mapping[str, Any],
     judge: Judge | None = None,
-    head: Sequence[tuple[str, str]] = (),
-    lines: Sequence[str] = (),
+    told: Told | None = None,
 ) -> Beside:
     """All that a page shows beside the targets and `grasps`.
 
     Args:
         hand: the settings of the hand, as models keep them. judge: who ranked; None: the votes.
-        head: name and value of what is said of the page. lines: of plain text, such as doubts.
+        told: what is said in words.
     """
     return Beside(
         obstacles=scene.obstacles.double().numpy(),
         table=scene.table,
         sensed=scene.sensed,
         cameras=_cameras(scene),
-        head=tuple(head),
-        lines=tuple(lines),
-        notes=scene.notes,
+        told=told or Told(notes=scene.notes),
         weighed=_weighed(grasps, judge),
         closing=closings(hand, {grasp.type for grasp in grasps}),
     )

@@ -24,7 +24,7 @@ from spgf_torch.hands.records import Grasp, Gripper, gripper_for
 TARGET, REST = 12_000, 10_000  # points of targets, and of all else, that a page holds at most
 VOTES, EACH = 12_000, 600  # votes that a page holds at most, and of one grasp
 NEAR = 0.25  # m about the targets: what else was sensed there is kept first
-DOT = 0.8  # radius of a point that is drawn, of the distance to its sixth neighbour: they touch
+DOT = 0.65  # radius of a point that is drawn, of the distance to its sixth neighbour: they touch
 NEIGHBOURS = 6
 MARGIN = 0.08  # m of the table that are drawn around the targets
 DIGITS, TURNS = 5, 6  # decimals of m, and of the numbers of a rotation
@@ -98,8 +98,8 @@ def _clouds(points: np.ndarray, normals: np.ndarray, beside: Beside, origin: np.
     facing = normals[cKDTree(points).query(own)[1]]
     clouds = [_cloud(own, facing, None if colours is None else colours[shown], origin)]
     rest, colours = beside.obstacles, None
-    if seen is not None and not seen.target.all():
-        rest, colours = seen.points[~seen.target], None if seen.colours is None else seen.colours[~seen.target]
+    if seen is not None and seen.colours is not None and not seen.target.all():  # the table too, as a photograph
+        rest, colours = seen.points[~seen.target], seen.colours[~seen.target]
     if not len(rest):
         return clouds
     near = ((rest >= points.min(axis=0) - NEAR) & (rest <= points.max(axis=0) + NEAR)).all(axis=1)

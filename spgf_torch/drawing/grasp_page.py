@@ -19,7 +19,7 @@ from PIL import Image
 
 from spgf_torch.drawing.grasp_content import eyes, page_content
 from spgf_torch.drawing.grasp_picture import scene_picture
-from spgf_torch.drawing.grasp_scene import Beside, Scene, scene_of
+from spgf_torch.drawing.grasp_scene import Beside, Scene, Told, scene_of
 from spgf_torch.drawing.grasp_table import direction
 from spgf_torch.drawing.page import drawn, png, table
 from spgf_torch.drawing.style import SUCCESS_SCALE
@@ -79,16 +79,16 @@ def write_scene_page(
 def _document(scene: Scene, content: Mapping[str, object], picture: Image.Image, beside: Beside) -> str:
     folder = files("spgf_torch.drawing").joinpath("viewer")
     parts = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in ("page.html", "viewer.css", *SCRIPTS)}
-    head = dict(beside.head)
+    head = dict(beside.told.head)
     file = head.pop("file", "")
     return Template(parts["page.html"]).substitute(
         title=html.escape(f"Grasps for {file}" if file else "Grasps"),
         styles=parts["viewer.css"],
         facts="".join(_fact(name, value) for name, value in ({"grasps": str(len(scene.grasps))} | head).items()),
-        doubts="".join(f'<p class="doubt">{html.escape(line)}</p>' for line in beside.lines),
+        doubts="".join(f'<p class="doubt">{html.escape(line)}</p>' for line in beside.told.doubts),
         still=_small(picture),
         ramp=", ".join(f"{colour} {100 * place:.0f}%" for place, colour in SUCCESS_SCALE),
-        notes=_notes(beside.notes),
+        notes=_notes(beside.told),
         content=json.dumps(content, separators=(",", ":")).replace("<", "\\u003c"),
         library=parts["three.min.js"],
         script="\n".join(parts[name] for name in SCRIPTS[1:]),
@@ -112,7 +112,7 @@ def _controls(scene: Scene, beside: Beside) -> dict[str, str]:
     return {
         "eyes": "".join(
             f'<button type="button" data-eye="{name}">{name}</button>'
-            for name in (*eyes(scene.eye), *(["camera"] if beside.cameras else []))
+            for name in ("grasp", *eyes(scene.eye), *(["camera"] if beside.cameras else []))
         ),
         "parts": "".join(
             _box(f'data-part="{name}"', words) for name, words in _PARTS.items() if not absent.get(name, False)
@@ -134,8 +134,8 @@ def _anything_else(beside: Beside) -> bool:
 def _table(scene: Scene) -> str:
     several = len({grasp.target for grasp in scene.grasps}) > 1
     judged = any(grasp.judged for grasp in scene.grasps)
-    reasons = ("free (%)", "holds (%)") if judged else ("votes",)
-    target, place = ("target",) * several, ("x (mm)", "y (mm)", "z (mm)", "approach")
+    reasons = ("free", "holds") if judged else ("votes",)
+    target, place = ("target",) * several, ("x y z (mm)", "approach")
     colours = ["rgb({}, {}, {})".format(*(255 * colour).round().astype(int)) for colour in scene.grasp_colours]
     rows = [
         [
@@ -144,17 +144,21 @@ def _table(scene: Scene) -> str:
             *([str(grasp.target)] if several else []),
             f'<i class="swatch" style="background:{colours[rank - 1]}"></i>{100 * grasp.probability:.1f}',
             *([f"{100 * each:.0f}" for each in grasp.judged or (0.0, 0.0)] if judged else [str(grasp.support)]),
-            *(f"{1000 * value:.1f}" for value in grasp.T_input_tcp[:3, 3]),
+            " ".join(f"{1000 * value:.0f}" for value in grasp.T_input_tcp[:3, 3] + 0.0),
             direction(grasp),
         ]
         for rank, grasp in enumerate(scene.grasps, start=1)
     ]
-    return table(("rank", "type", *target, "probability (%)", *reasons, *place), rows, 2)
+    return table(("rank", "type", *target, "prob. (%)", *reasons, *place), rows, 2)
 
 
-def _notes(notes: Sequence[str]) -> str:
-    lines = "".join(f"<li>{html.escape(line)}</li>" for line in notes)
-    return f"<h2>Input</h2><ul>{lines}</ul>" if notes else ""
+def _notes(told: Told) -> str:
+    parts = (("Model", told.lines), ("Input", told.notes))
+    return "".join(
+        f"<h2>{title}</h2><ul>{''.join(f'<li>{html.escape(line)}</li>' for line in lines)}</ul>"
+        for title, lines in parts
+        if lines
+    )
 
 
 def _small(picture: Image.Image) -> str:

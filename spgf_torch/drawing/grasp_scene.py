@@ -50,6 +50,22 @@ class Eye:
 
 
 @dataclass(frozen=True)
+class Told:
+    """What a page says in words beside its grasps.
+
+    Attributes:
+        head: name and value of what is said of the page as a whole: file, hand, model.
+        lines: of plain text, on how the grasps came about. doubts: why there is none, or none that is sure.
+        notes: on the input.
+    """
+
+    head: tuple[tuple[str, str], ...] = ()
+    lines: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Beside:
     """What is drawn and written beside targets and grasps.
 
@@ -59,8 +75,7 @@ class Beside:
             are all that is known.
         cameras: of each its place (3,), m; its axes (3, 3), columns right, down and ahead; and the corners (2, 2) of its
             image 1 m ahead, left top and right bottom, m. None for the last two: not known.
-        head: name and value of what is said of the page as a whole: file, hand, model.
-        lines: of plain text, such as doubts. notes: on the input.
+        told: what is said in words.
         weighed: of each grasp what a judge weighed; () where none ranked.
         pictures: SVG of prototypes, by number.
         closing: grasp type -> (F, shapes, 4, 4) of `hands.hand.closing_poses` at `page_hands.fractions`; of types that
@@ -71,9 +86,7 @@ class Beside:
     table: np.ndarray | None = None
     sensed: Sensed | None = None
     cameras: tuple[tuple[np.ndarray, np.ndarray | None, np.ndarray | None], ...] = ()
-    head: tuple[tuple[str, str], ...] = ()
-    lines: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    told: Told = field(default_factory=Told)
     weighed: tuple[tuple[WeighedNumber, ...], ...] = ()
     pictures: Mapping[int, str] = field(default_factory=dict)
     closing: Mapping[str, np.ndarray] = field(default_factory=dict)

@@ -82,6 +82,17 @@ def rigid(value: Any, where: str) -> np.ndarray:
     return T
 
 
+def rigid_of(T: Any, where: str) -> np.ndarray:
+    """T (4, 4) float64 of anything that numpy takes for it, rigid as `rigid` wants it."""
+    try:
+        values = np.asarray(T, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{where}: expected a rigid pose (4, 4), got {reprlib.repr(T)}") from None
+    if values.shape != (4, 4):
+        raise InputError(f"{where}: expected a rigid pose (4, 4), got shape {values.shape}")
+    return rigid(values.tolist(), where)
+
+
 def rotation(R: np.ndarray, where: str) -> np.ndarray:
     """R (3, 3), orthonormal and right-handed."""
     off = float(np.abs(R.T @ R - np.eye(3)).max()) if np.abs(R).max() < 2 else math.inf

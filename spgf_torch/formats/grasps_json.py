@@ -11,31 +11,43 @@ from pathlib import Path
 from typing import Any
 
 from spgf_torch.errors import InputError
-from spgf_torch.files.checks import content, entries, entry, joint_values, name, number, rigid, whole
+from spgf_torch.files.checks import content, entries, entry
 from spgf_torch.files.reading import json_of
 from spgf_torch.files.writing import write_text
 from spgf_torch.hands.records import Grasp, Gripper, gripper_for
 
 SCHEMA = 1
-# Keys of what a judge says: the probability that the open hand collides with nothing, and that it then holds.
-_FACTORS = ("free", "holds")
 
 
-def write_grasps(
-    path: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper], judge: Mapping[str, Any] | None = None
-) -> None:
-    """Write grasps, best first, a line each: numbers in full, the file atomically.
+def grasps_dict(
+    grasps: Sequence[Grasp], grippers: Mapping[str, Gripper], judge: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """What `grasps.json` holds, as plain values.
 
     T_input_tcp and T_input_pregrasp are poses of the TCP (+z approach, +x closing), T_input_base is the pose of the
     hand's base link `base_link` with the axes of its URDF; all in the input's frame.
 
     Args:
+        grasps: best first.
         judge: who ranked and what was known, under the key "judge"; None: the votes ranked.
+
+    Raises:
+        InputError: a grasp of a type that is none of the grippers'.
     """
+    for grasp in grasps:
+        gripper_for(grasp, grippers)
     head: dict[str, Any] = {"schema": SCHEMA, "frame": "input"}
     head |= {"base_link": next(iter(grippers.values())).base_link, **({} if judge is None else {"judge": dict(judge)})}
-    lines = [json.dumps(_plain(grasp, gripper_for(grasp, grippers)), allow_nan=False) for grasp in grasps]
-    opened = json.dumps({**head, "grasps": []}).removesuffix("]}")
+    return {**head, "grasps": [grasp.to_dict() for grasp in grasps]}
+
+
+def write_grasps(
+    path: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper], judge: Mapping[str, Any] | None = None
+) -> None:
+    """Write `grasps_dict`, a grasp a line: numbers in full, the file atomically."""
+    values = grasps_dict(grasps, grippers, judge)
+    lines = [json.dumps(grasp, allow_nan=False) for grasp in values["grasps"]]
+    opened = json.dumps({**values, "grasps": []}).removesuffix("]}")
     write_text(path, opened + "".join(f"\n{line}," for line in lines).removesuffix(",") + "\n]}\n")
 
 
@@ -51,55 +63,4 @@ def read_grasps(path: Path) -> list[Grasp]:
         if (got := entry(known, key, str(path))) != wanted:
             raise InputError(f"{path}: expected {key} {wanted}, got {got!r:.40}")
     listed = entries(entry(known, "grasps", str(path)), f"{path}: grasps")
-    return [_grasp(values, f"{path}: grasps[{i}]") for i, values in enumerate(listed)]
-
-
-def _plain(grasp: Grasp, gripper: Gripper) -> dict[str, Any]:
-    return {
-        "type": grasp.type,
-        "probability": grasp.probability,
-        "support": grasp.support,
-        "target": grasp.target,
-        "score": grasp.score,
-        "gripper": gripper.name,
-        "T_input_tcp": grasp.T_input_tcp.tolist(),
-        "T_input_base": grasp.T_input_base.tolist(),
-        "T_input_pregrasp": grasp.T_input_pregrasp.tolist(),
-        "joints": grasp.joints,
-        "closed": grasp.closed,
-        "voted_by": [{"prototype": prototype, "votes": votes} for prototype, votes in grasp.voted_by],
-        **({"judged": dict(zip(_FACTORS, grasp.judged, strict=True))} if grasp.judged else {}),
-    }
-
-
-def _grasp(values: Any, where: str) -> Grasp:
-    tcp, base, pregrasp = (
-        rigid(entry(values, key, where), f"{where}.{key}")
-        for key in ("T_input_tcp", "T_input_base", "T_input_pregrasp")
-    )
-    opened, closed = (joint_values(entry(values, key, where), f"{where}.{key}") for key in ("joints", "closed"))
-    votes = entries(entry(values, "voted_by", where), f"{where}.voted_by")
-    return Grasp(
-        type=name(entry(values, "type", where), f"{where}.type"),
-        probability=number(entry(values, "probability", where), f"{where}.probability", 0.0, 1.0),
-        support=whole(entry(values, "support", where), f"{where}.support"),
-        T_input_tcp=tcp,
-        T_input_base=base,
-        joints=opened,
-        closed=closed,
-        T_input_pregrasp=pregrasp,
-        voted_by=[_vote(vote, f"{where}.voted_by[{i}]") for i, vote in enumerate(votes)],
-        target=whole(values.get("target", 1), f"{where}.target"),
-        score=number(values.get("score", 0.0), f"{where}.score"),
-        judged=_judged(values["judged"], f"{where}.judged") if "judged" in values else None,
-    )
-
-
-def _judged(values: Any, where: str) -> tuple[float, float]:
-    free, holds = (number(entry(values, key, where), f"{where}.{key}", 0.0, 1.0) for key in _FACTORS)
-    return free, holds
-
-
-def _vote(values: Any, where: str) -> tuple[int, int]:
-    prototype, votes = (whole(entry(values, key, where), f"{where}.{key}") for key in ("prototype", "votes"))
-    return prototype, votes
+    return [Grasp.from_dict(values, f"{path}: grasps[{i}]") for i, values in enumerate(listed)]

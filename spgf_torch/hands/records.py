@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
 
 from spgf_torch.errors import InputError
-from spgf_torch.files.checks import number, rigid, whole
+from spgf_torch.files.checks import entries, entry, joint_values, name, number, rigid, rigid_of, whole
 from spgf_torch.hands.hand import Hand
 
 if TYPE_CHECKING:
     from spgf_torch.proposing.judge_influences import Numbers
 
 __all__ = ["Grasp", "Gripper", "gripper_for", "grippers_of", "make_grasp"]
+
+# Keys of what a judge says: the probability that the open hand collides with nothing, and that it then holds.
+_FACTORS = ("free", "holds")
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,8 @@ class Grasp:
         score: what ranks grasps of a model: the votes' mean evidence, drawn to 0 where there are few; no probability.
         judged: of a judge P(free) and P(holds | free), whose product is the probability; None where the votes ranked.
         numbers: what the judge knew of it; None where the votes ranked, or of a grasp that was read.
+        width: m between the open hand's pads; NaN of a grasp from a file that does not say.
+        gripper: `Gripper.name`; empty of a grasp from a file that does not say.
     """
 
     type: str
@@ -84,6 +90,88 @@ class Grasp:
     score: float = 0.0
     judged: tuple[float, float] | None = None
     numbers: Numbers | None = field(default=None, repr=False, compare=False)
+    width: float = math.nan
+    gripper: str = ""
+
+    @property
+    def pregrasp(self) -> np.ndarray:
+        """(4, 4) float64, `T_input_pregrasp`."""
+        return self.T_input_pregrasp
+
+    def transform(self, T: np.ndarray) -> Grasp:
+        """The grasp in another frame.
+
+        Args:
+            T: (4, 4) pose of the frame that the grasp is in, in the other: p_other = T @ p_input; m.
+
+        Raises:
+            InputError: T is not rigid.
+        """
+        T = rigid_of(T, "T")
+        keys = ("T_input_tcp", "T_input_base", "T_input_pregrasp")
+        return replace(self, **{key: T @ getattr(self, key) for key in keys})
+
+    def to_dict(self) -> dict[str, Any]:
+        """The grasp as `grasps.json` has it: plain values, poses as 4 rows of 4 numbers."""
+        return {
+            "type": self.type,
+            "probability": self.probability,
+            "support": self.support,
+            "target": self.target,
+            "score": self.score,
+            **({"gripper": self.gripper} if self.gripper else {}),
+            **({"width": self.width} if math.isfinite(self.width) else {}),
+            "T_input_tcp": self.T_input_tcp.tolist(),
+            "T_input_base": self.T_input_base.tolist(),
+            "T_input_pregrasp": self.T_input_pregrasp.tolist(),
+            "joints": dict(self.joints),
+            "closed": dict(self.closed),
+            "voted_by": [{"prototype": prototype, "votes": votes} for prototype, votes in self.voted_by],
+            **({"judged": dict(zip(_FACTORS, self.judged, strict=True))} if self.judged else {}),
+        }
+
+    @staticmethod
+    def from_dict(values: Any, where: str = "grasp") -> Grasp:
+        """The grasp of `to_dict`; keys that it does not know are passed over.
+
+        Args:
+            where: what errors call it.
+
+        Raises:
+            InputError: a key that is missing, a pose that is not rigid, a number that is not finite.
+        """
+        tcp, base, pregrasp = (
+            rigid(entry(values, key, where), f"{where}.{key}")
+            for key in ("T_input_tcp", "T_input_base", "T_input_pregrasp")
+        )
+        opened, closed = (joint_values(entry(values, key, where), f"{where}.{key}") for key in ("joints", "closed"))
+        votes = entries(entry(values, "voted_by", where), f"{where}.voted_by")
+        return Grasp(
+            type=name(entry(values, "type", where), f"{where}.type"),
+            probability=number(entry(values, "probability", where), f"{where}.probability", 0.0, 1.0),
+            support=whole(entry(values, "support", where), f"{where}.support"),
+            T_input_tcp=tcp,
+            T_input_base=base,
+            joints=opened,
+            closed=closed,
+            T_input_pregrasp=pregrasp,
+            voted_by=[_vote(vote, f"{where}.voted_by[{i}]") for i, vote in enumerate(votes)],
+            target=whole(values.get("target", 1), f"{where}.target"),
+            score=number(values.get("score", 0.0), f"{where}.score"),
+            judged=_judged(values["judged"], f"{where}.judged") if "judged" in values else None,
+            width=number(values["width"], f"{where}.width", 0.0) if "width" in values else math.nan,
+            gripper=name(values["gripper"], f"{where}.gripper") if "gripper" in values else "",
+        )
+
+
+def _judged(values: Any, where: str) -> tuple[float, float]:
+    free, holds = (number(entry(values, key, where), f"{where}.{key}", 0.0, 1.0) for key in _FACTORS)
+    return free, holds
+
+
+def _vote(values: Any, where: str) -> tuple[int, int]:
+    prototype, votes = (whole(entry(values, key, where), f"{where}.{key}") for key in ("prototype", "votes"))
+    return prototype, votes
 
 
 def grippers_of(hand: Hand) -> dict[str, Gripper]:
@@ -142,6 +230,8 @@ def make_grasp(
         closed=dict(gripper.closed),
         T_input_pregrasp=T @ back,
         voted_by=sorted(votes, key=lambda pair: (-pair[1], pair[0])),
+        width=gripper.width,
+        gripper=gripper.name,
     )
 
 

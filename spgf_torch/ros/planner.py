@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from spgf_torch.hands.records import Grasp
-from spgf_torch.predictor import Predictor
 from spgf_torch.ros.cameras import read_camera, read_depth
 from spgf_torch.ros.clouds import read_cloud
 from spgf_torch.ros.grasps import grasp_messages
 from spgf_torch.ros.messages import Header
 from spgf_torch.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from spgf_torch.grasps.grasps import Grasps
+    from spgf_torch.predictor import Predictor
 
 # How REP 103 has the frames of cameras called, whose origin is where they see from.
 _OPTICAL = ("_optical_frame", "_optical")
@@ -28,7 +30,7 @@ class Plan:
         header: the message's. notes: what was assumed, left out or looks wrong, and why there is no grasp: a line each.
     """
 
-    grasps: list[Grasp]
+    grasps: Grasps
     messages: list[dict[str, Any]]
     header: Header
     notes: tuple[str, ...]

@@ -1,5 +1,5 @@
 // Points as round dots of a size in the scene, lit where their normals are known.
-const PLAIN = ["#b4bdc6", "#7d9cc0"]; // of targets and of the rest, where the input has no colours
+const PLAIN = ["#c3ccd4", "#7d9cc0"]; // of targets and of the rest, where the input has no colours
 
 const DOTS = {
   vertexShader: `

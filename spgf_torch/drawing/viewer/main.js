@@ -104,6 +104,7 @@ find("#colours").addEventListener("input", (event) => stage?.paint(event.target.
 
 function look(eye) {
   if (eye === "camera") stage?.lookAsCamera();
+  else if (eye === "grasp") stage?.lookAtGrasp();
   else stage?.lookFrom(eye);
 }
 
@@ -111,7 +112,7 @@ const help = find("dialog");
 find("#help").addEventListener("click", () => help.showModal());
 const KEYS = {
   ArrowDown: () => step(1), ArrowRight: () => step(1), j: () => step(1), ArrowUp: () => step(-1), ArrowLeft: () => step(-1), k: () => step(-1),
-  f: () => look("front"), a: () => look("above"), " ": run, "+": () => stage?.zoom(0.8), "-": () => stage?.zoom(1.25), "?": () => help.showModal(), t: theme,
+  f: () => look("front"), g: () => look("grasp"), a: () => look("above"), " ": run, "+": () => stage?.zoom(0.8), "-": () => stage?.zoom(1.25), "?": () => help.showModal(), t: theme,
   h: () => find("#through").click(),
 };
 addEventListener("keydown", (event) => {
@@ -183,6 +184,7 @@ function drawScale() {
 }
 
 document.body.classList.toggle("flat", !stage);
+find(".about").open = !matchMedia("(max-width: 860px)").matches; // on a phone the view is wanted first
 theme(null, remembered() ?? "auto");
 if (stage) {
   stage.onDraw(drawScale);
@@ -195,4 +197,4 @@ if (stage) {
   new ResizeObserver(stage.resize).observe(canvas.parentElement);
 }
 table.filter();
-if (stage) stage.lookFrom("front");
+look("grasp");

@@ -145,6 +145,14 @@ function makeStage(content, canvas, gizmo) {
     set(changes) { Object.assign(state, changes); show(); },
     turnOff(name, gone) { off[gone ? "add" : "delete"](name); show(); },
     lookFrom(name) { fit(new THREE.Vector3(...content.eyes[name])); },
+    lookAtGrasp() {
+      const grasp = grasps[state.chosen], front = new THREE.Vector3(...content.eyes.front);
+      if (!grasp) return fit(front);
+      const [across, , approach] = [1, 0, 2].map((k) => new THREE.Vector3().setFromMatrixColumn(grasp.matrix, k));
+      if (across.dot(front) < 0) across.negate();
+      // Across closing and approach, where nothing of the hand hides its fingers; a little from above and behind.
+      fit(across.multiplyScalar(2.2).addScaledVector(up, 0.75).addScaledVector(front, 0.5).addScaledVector(approach, -0.15));
+    },
     lookAsCamera(i = 0) { fit(new THREE.Vector3(...content.cameras[i].eye)); },
     paint(how) { clouds.forEach((cloud) => cloud.paint(how)); later(); },
     touch(i) {

@@ -1,0 +1,49 @@
+"""The page and the picture of grasps on what was seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from spgf_torch import __version__
+from spgf_torch.drawing.grasp_beside import beside_of
+from spgf_torch.drawing.grasp_page import write_scene_page
+from spgf_torch.drawing.grasp_scene import Told
+
+if TYPE_CHECKING:
+    from spgf_torch.grasps.grasps import Grasps
+
+
+def write_page(
+    grasps: Grasps,
+    folder: Path,
+    head: Sequence[tuple[str, str]] = (),
+    lines: Sequence[str] = (),
+    doubts: Sequence[str] = (),
+) -> list[Path]:
+    """Write `grasps.png` and `index.html`, in the scene's frame.
+
+    Args:
+        head: name and value of what the page says of itself beside hand and version; `file` is in its title.
+        lines: of plain text, on how the grasps came about. doubts: why there is none, or none that is sure.
+
+    Returns the paths; none where nothing was seen that can be drawn.
+    """
+    source = grasps.source
+    assert source is not None  # who calls has looked
+    model, scene = source.model, source.scene
+    if not len(scene.texlets):
+        return []
+    T_scene_grasps = np.linalg.inv(source.T_grasps_scene)
+    shown = grasps if np.array_equal(T_scene_grasps, np.eye(4)) else grasps.transform(T_scene_grasps)
+    judge = None if model.judged is None else model.judged.judge
+    hand = (model.model or judge).settings["hand"]  # type: ignore[union-attr]
+    own = (("hand", hand["name"]), ("version", f"spgf_torch {__version__}"))
+    beside = beside_of(scene, shown, hand, judge, Told((*own, *head), tuple(lines), tuple(doubts), scene.notes))
+    positions, normals = scene.texlets.positions.double().numpy(), scene.texlets.normals.double().numpy()
+    page, picture = folder / "index.html", folder / "grasps.png"
+    write_scene_page(page, picture, positions, normals, shown, grasps.grippers, grasps.names, beside)
+    return [page, picture]

@@ -1,0 +1,96 @@
+"""Grasps as files, by the names of formats: what `Grasps.save` and `python -m spgf_torch.predict` write."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from spgf_torch.errors import InputError
+
+if TYPE_CHECKING:
+    from spgf_torch.grasps.grasps import Grasps
+
+
+def save(grasps: Grasps, folder: str | Path, formats: str | Sequence[str] | None = None) -> list[Path]:
+    """Write the formats into a folder, and return the paths; see `Grasps.save`."""
+    wanted = chosen(formats)
+    if PAGE in wanted and grasps.source is None:
+        raise InputError("formats: expected grasps that a model predicted for a page, got some without their scene")
+    place = Path(folder).expanduser()
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"folder: expected a folder, or none yet, got {place}: {error.strerror}") from None
+    return [path for name in wanted for path in _WRITERS[name](grasps, place)]
+
+
+def chosen(formats: str | Sequence[str] | None) -> list[str]:
+    """The formats that are meant, each once. Raises InputError for an unknown one, and names the nearest."""
+    if formats is None:
+        return list(FILES)
+    names = [formats] if isinstance(formats, str) else list(formats)
+    for name in names:
+        if name not in _WRITERS:
+            near = get_close_matches(str(name).lower(), _WRITERS, 1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise InputError(f"formats: expected some of {', '.join(_WRITERS)}; got {name!r:.40}{hint}")
+    if not names:
+        raise InputError(f"formats: expected some of {', '.join(_WRITERS)}; got none")
+    return list(dict.fromkeys(names))
+
+
+def jaws(grasps: Grasps) -> list[bool]:
+    """Of each grasp whether it is of a two-finger jaw, which is all that graspnetAPI's array can say."""
+    return [grasps.grippers[grasp.type].jaw for grasp in grasps]
+
+
+def _json(grasps: Grasps, folder: Path) -> list[Path]:
+    from spgf_torch.formats.grasps_json import write_grasps
+
+    path = folder / "grasps.json"
+    write_grasps(path, grasps, grasps.grippers, grasps.judge_said())
+    return [path]
+
+
+def _isaac(grasps: Grasps, folder: Path) -> list[Path]:
+    from spgf_torch.formats.isaac import write_isaac
+
+    path = folder / "isaac_grasp.yaml"
+    write_isaac(path, grasps, grasps.grippers)
+    return [path]
+
+
+def _moveit(grasps: Grasps, folder: Path) -> list[Path]:
+    from spgf_torch.ros.grasps import write_moveit
+
+    path = folder / "moveit_grasps.json"
+    write_moveit(path, grasps, grasps.grippers)
+    return [path]
+
+
+def _graspnet(grasps: Grasps, folder: Path) -> list[Path]:
+    from spgf_torch.formats.graspnet import joints_path, write_graspnet
+
+    path = folder / "graspnet.npy"
+    write_graspnet(path, [grasp for grasp, jaw in zip(grasps, jaws(grasps), strict=True) if jaw], grasps.grippers)
+    return [path, joints_path(path)]
+
+
+def _page(grasps: Grasps, folder: Path) -> list[Path]:
+    from spgf_torch.grasps.page import write_page
+
+    return write_page(grasps, folder)
+
+
+PAGE = "page"
+_WRITERS: dict[str, Callable[[Grasps, Path], list[Path]]] = {
+    "json": _json,
+    "isaac": _isaac,
+    "moveit": _moveit,
+    "graspnet": _graspnet,
+    PAGE: _page,
+}
+# Those that other programs read.
+FILES = tuple(name for name in _WRITERS if name != PAGE)
