@@ -202,7 +202,8 @@ class Predictor:
         found: list[Grasp] = []
         for target in scene.targets if scene.no_grasp is None else ():
             proposals = self._proposed((own := scene.of(target)).texlets, self.surroundings(own, failed), own.views)
-            found += self.grasps(proposals, top, keep, target)
+            texlet = (scene.labels == target).nonzero()[:, 0].numpy()
+            found += [_in_scene(grasp, texlet) for grasp in self.grasps(proposals, top, keep, target)]
         return self._found(sorted(found, key=lambda grasp: -grasp.score), scene)
 
     def _found(self, grasps: Sequence[Grasp], scene: Scene) -> Grasps:
@@ -247,16 +248,17 @@ class Predictor:
         self, proposals: Proposals, top: int, keep: Callable[[Grasp], bool] | None = None, target: int = 1
     ) -> list[Grasp]:
         """The `top` best proposals of each type, of those that `keep` keeps, with everything that a robot needs."""
-        found: list[Grasp] = []
+        found: dict[int, Grasp] = {}
         wanted = dict.fromkeys(proposals.grasp_types, top)
         for i, code in enumerate(proposals.grasp_type.tolist()):
             if not wanted[grasp_type := proposals.grasp_types[code]]:
                 continue
             grasp = self._grasp(proposals, i, target)
             if keep is None or _kept(keep, grasp):
-                found.append(grasp)
+                found[i] = grasp
                 wanted[grasp_type] -= 1
-        return found
+        voted = [None] * len(found) if self.proposer is None else self.proposer.who_voted(proposals, list(found))
+        return [replace(grasp, voters=voters) for grasp, voters in zip(found.values(), voted, strict=True)]
 
     def _grasp(self, proposals: Proposals, i: int, target: int) -> Grasp:
         """The grasp of one proposal."""
@@ -288,6 +290,13 @@ def scene_of_texlets(texlets: Texlets, plane: np.ndarray | None, spacing: float)
     one = torch.ones(len(texlets), dtype=torch.int64)
     table = None if plane is None else np.asarray(plane, dtype=np.float64)
     return Scene(texlets, one, torch.zeros(0, 3), table, None, None, spacing, ())
+
+
+def _in_scene(grasp: Grasp, texlet: np.ndarray) -> Grasp:
+    """A grasp of one target in its scene: texlet i of the target is texlet[i] of the scene."""
+    if grasp.voters is None:
+        return grasp
+    return replace(grasp, voters=replace(grasp.voters, texlet=texlet[grasp.voters.texlet]))
 
 
 def surroundings_of(

@@ -17,7 +17,7 @@ from spgf_torch.hands.hand import Hand
 if TYPE_CHECKING:
     from spgf_torch.proposing.judge_influences import Numbers
 
-__all__ = ["Grasp", "Gripper", "gripper_for", "grippers_of", "make_grasp"]
+__all__ = ["Grasp", "Gripper", "Voters", "gripper_for", "grippers_of", "make_grasp"]
 
 # Keys of what a judge says: the probability that the open hand collides with nothing, and that it then holds.
 _FACTORS = ("free", "holds")
@@ -58,6 +58,37 @@ class Gripper:
 
 
 @dataclass(frozen=True)
+class Voters:
+    """The V votes for one grasp, those that gained most first: which texlets, and what each said.
+
+    Attributes:
+        texlet: (V,) int64, index into the texlets that were voted with: `Scene.texlets`, of all its targets together.
+        position, normal: (V, 3) float64, m and unit, of that texlet in the input's frame.
+        prototype: (V,) int64, what the surface about it was taken for.
+        gain: (V,) float32, what the vote added to the sum of log-odds; their mean over the votes, drawn to 0 where
+            there are few, is what ranks where the votes rank. Below 0: a vote against the grasp.
+        probability, support: (V,) float32, as learned: of so many trials with this shape and this relative pose (each
+            counted by how near it was) this share held.
+    """
+
+    texlet: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    prototype: np.ndarray
+    gain: np.ndarray
+    probability: np.ndarray
+    support: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.texlet)
+
+    def transform(self, T: np.ndarray) -> Voters:
+        """The same in another frame, by the rigid T (4, 4): p_other = T @ p_input; m."""
+        position, normal = self.position @ T[:3, :3].T + T[:3, 3], self.normal @ T[:3, :3].T
+        return replace(self, position=position, normal=normal)
+
+
+@dataclass(frozen=True)
 class Grasp:
     """One proposed grasp.
 
@@ -73,6 +104,8 @@ class Grasp:
         score: what ranks grasps of a model: the votes' mean evidence, drawn to 0 where there are few; no probability.
         judged: of a judge P(free) and P(holds | free), whose product is the probability; None where the votes ranked.
         numbers: what the judge knew of it; None where the votes ranked, or of a grasp that was read.
+        voters: the `support` votes one by one; None of a judge alone, of a grasp that was read, and while
+            `Predictor.predict` asks which to keep.
         width: m between the open hand's pads; NaN of a grasp from a file that does not say.
         gripper: `Gripper.name`; empty of a grasp from a file that does not say.
     """
@@ -90,6 +123,7 @@ class Grasp:
     score: float = 0.0
     judged: tuple[float, float] | None = None
     numbers: Numbers | None = field(default=None, repr=False, compare=False)
+    voters: Voters | None = field(default=None, repr=False, compare=False)
     width: float = math.nan
     gripper: str = ""
 
@@ -109,7 +143,8 @@ class Grasp:
         """
         T = rigid_of(T, "T")
         keys = ("T_input_tcp", "T_input_base", "T_input_pregrasp")
-        return replace(self, **{key: T @ getattr(self, key) for key in keys})
+        voters = None if self.voters is None else self.voters.transform(T)
+        return replace(self, **{key: T @ getattr(self, key) for key in keys}, voters=voters)
 
     def to_dict(self) -> dict[str, Any]:
         """The grasp as `grasps.json` has it: plain values, poses as 4 rows of 4 numbers."""

@@ -76,15 +76,16 @@ class JudgedProposer:
             none = torch.zeros(len(found.poses), dtype=torch.int64)
             its = found.poses.T, found.poses.grasp_type, names, found.probability, found.score
             no_votes = ((),) * len(none)
-            return Proposals(*its, none, no_votes, found.factors)
+            return Proposals(*its, none, no_votes, found.factors, found.numbers)
         device = proposer.model.centres.device
         T, grasp_type = found.poses.T.to(device), found.poses.grasp_type.to(device)
-        votes = proposer.votes(T, grasp_type, proposer.voters(proposer.described(seen.texlets)))
+        voters = proposer.voters(proposer.described(seen.texlets))
+        votes = proposer.votes(T, grasp_type, voters)
         probability, score = found.probability.to(device), found.score.to(device)
         support = torch.bincount(votes.grasp, minlength=len(T))
         voted_by = tuple(votes_by_prototype(votes, len(T)))
         its = T, grasp_type, names, probability, score
-        return Proposals(*its, support, voted_by, found.factors, found.numbers)
+        return Proposals(*its, support, voted_by, found.factors, found.numbers, voters)
 
 
 def searched(hypotheses: HypothesesConfig, config: ProposingConfig) -> HypothesesConfig:

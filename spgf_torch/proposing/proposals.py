@@ -11,6 +11,7 @@ from torch import Tensor
 from spgf_torch.affordance.voting import Votes
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.judge_influences import Numbers
+from spgf_torch.proposing.voters import Voters
 
 # Probabilities nearer 0 or 1 than this are not distinguished by the order of proposals.
 _EDGE = 1e-6
@@ -29,6 +30,7 @@ class Proposals:
         voted_by: of each grasp (prototype, votes), most votes first.
         judged: (G, 2) f64, of a judge P(free) and P(holds | free); None where the votes ranked.
         numbers: what the judge knew of each; () where the votes ranked.
+        voters: the features that were asked for their votes; None of a judge alone.
     """
 
     T_object_tcp: Tensor
@@ -40,6 +42,7 @@ class Proposals:
     voted_by: tuple[tuple[tuple[int, int], ...], ...]
     judged: Tensor | None = None
     numbers: tuple[Numbers, ...] = ()
+    voters: Voters | None = None
 
     def __len__(self) -> int:
         return len(self.grasp_type)

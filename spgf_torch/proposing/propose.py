@@ -14,7 +14,7 @@ falls into is the one thing that rounding can change.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -31,6 +31,7 @@ from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor
 from spgf_torch.features.interface import LocalFeatures
 from spgf_torch.geometry import se3
+from spgf_torch.hands import records
 from spgf_torch.proposing.bodies import bodies_of, body_at
 from spgf_torch.proposing.borders import clear_of_borders
 from spgf_torch.proposing.clearance import Clearance, Surroundings
@@ -38,27 +39,13 @@ from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.grasp_seeds import GraspSeeds, grasp_seeds
 from spgf_torch.proposing.proposals import Proposals, between_types, votes_by_prototype
 from spgf_torch.proposing.sampling import farthest_point_sampling, first_of_each, non_maximum_suppression
+from spgf_torch.proposing.voters import Voters, voters_of_each
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.settings import typed
 
 # No table, no obstacles.
 NOTHING = Surroundings()
-
-
-@dataclass(frozen=True)
-class Voters:
-    """Features that vote, in farthest-point order: T_object_feature (V, 4, 4), prototype (V,) int64."""
-
-    T_object_feature: Tensor
-    prototype: Tensor
-
-    def __len__(self) -> int:
-        return len(self.prototype)
-
-    def first(self, n: int) -> Voters:
-        """Return the first n, which cover the surface too."""
-        return Voters(self.T_object_feature[:n], self.prototype[:n])
 
 
 @dataclass(frozen=True)
@@ -159,9 +146,10 @@ class Proposer:
 
     def voters(self, features: LocalFeatures) -> Voters:
         """Select the features that vote."""
-        T, relations = features.T_object_feature[features.valid], features.relations()[features.valid]
+        valid = features.valid.nonzero()[:, 0]
+        T, relations = features.T_object_feature[valid], features.relations()[valid]
         order = farthest_point_sampling(T, self.affordance.features_per_object, self.config.normal_weight)
-        return Voters(T[order], assign(relations[order], self.model.centres))
+        return Voters(T[order], assign(relations[order], self.model.centres), valid[order])
 
     def prune(self, voters: Voters, points: Tensor, around: Surroundings) -> Pool:
         """Reduce hypotheses to the best of each type, free and far from each other, scored by all voters."""
@@ -252,6 +240,7 @@ class Proposer:
             score,
             scores.votes[supported],
             tuple(voted_by[i] for i in supported.tolist()),
+            voters=voters,
         )
 
     def score(self, T: Tensor, grasp_type: Tensor, voters: Voters, n: int) -> Tensor:
@@ -266,6 +255,13 @@ class Proposer:
         """What the voters say of poses (G, 4, 4)."""
         pairs = cell_pairs(voters.T_object_feature, T, grasp_type, self.affordance)
         return vote(self.index, pairs, voters.prototype)
+
+    def who_voted(self, proposals: Proposals, chosen: list[int]) -> Sequence[records.Voters | None]:
+        """The votes on each of the chosen proposals, one by one; None of proposals that nobody voted on."""
+        if proposals.voters is None:
+            return [None] * len(chosen)
+        at = proposals.T_object_tcp[chosen], proposals.grasp_type[chosen]
+        return voters_of_each(self.index, self.gains, proposals.voters, *at)
 
     def scores(self, votes: Votes, grasp_type: Tensor, affordance: AffordanceConfig) -> GraspScores:
         """The votes on free grasps of types (G,), combined."""

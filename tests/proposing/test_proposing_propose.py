@@ -197,7 +197,7 @@ def test_few_voters_stand_for_all(proposer: Proposer, generator: torch.Generator
     T, ids = patches(1, generator).repeat(8, 1, 1), torch.zeros(8, dtype=torch.int64)
     poses = T[0] @ se3.random_poses(3000, generator, extent=0.03).double()
     kind = torch.arange(3000) % 2
-    few, all_ = (proposer.score(poses, kind, Voters(T, ids), n) for n in (2, 8))
+    few, all_ = (proposer.score(poses, kind, Voters(T, ids, ids), n) for n in (2, 8))
     assert int(all_.isfinite().sum()) > 20 and torch.allclose(few, all_, rtol=1e-4)
 
 
@@ -222,7 +222,7 @@ def test_a_move_leaves_the_hand_free(between: list[float], touched: bool, around
     grid = grid_of(AFFORDANCE)
     cell = grid.index(torch.tensor([0.0, 0.0, 0.03]), torch.tensor([1.0, 0.0, 0.0, 0.0]))
     position, quaternion = grid.centres(cell.unsqueeze(0))
-    voters = Voters(se3.inverse(se3.pose(position, quaternion)), torch.tensor([1]))
+    voters = Voters(se3.inverse(se3.pose(position, quaternion)), torch.tensor([1]), torch.tensor([0]))
     aside, back = torch.eye(4), torch.eye(4)
     aside[1, 3], back[1, 3] = 0.02, -0.02
     pool = Pool(aside[None], torch.tensor([1]), torch.tensor([-math.inf]))

@@ -1,4 +1,4 @@
-"""What a model learned as shapes in space: rings of prototypes, and hands at the grasps tied to them. Pure geometry.
+"""What a model learned as shapes in space: what features have around them, and hands at the grasps tied to prototypes.
 
 All in the feature's frame: origin at the centre, z its normal, x the aligned direction (ring cell 0); metres.
 """
@@ -16,8 +16,6 @@ from spgf_torch.hands.records import Gripper
 from spgf_torch.prototypes.naming import gaps
 
 LAYERS = ("top", "bottom")
-INNER = 0.5  # of the radius: where the drawn band of a ring begins
-SUNK = 0.15  # of the radius: how much lower the bottom layer is drawn, so that the layers do not cover each other
 MOST_DEG = 89.99  # alpha1 of a cell that nothing reached is 90; that of a neighbour on the normal is none at all
 
 BEHIND, HANDLE = 0.03, 0.02  # m of a hand and its axis; a third of the SDH-2's: many hands fit around one prototype
@@ -56,21 +54,6 @@ class Members:
 
 
 @dataclass(frozen=True)
-class Ring:
-    """One layer of a prototype as a band of quadrilaterals.
-
-    Attributes:
-        quads: (C, 4, 3) m, the cells that are no gap.
-        alpha2_deg: (C,) angle to the centre's normal.
-        gap_lines: (G, 2, 3) m, where the cells that are gaps would lie in the plane.
-    """
-
-    quads: np.ndarray
-    alpha2_deg: np.ndarray
-    gap_lines: np.ndarray
-
-
-@dataclass(frozen=True)
 class Grasps:
     """Condensed points of one prototype and type.
 
@@ -84,21 +67,6 @@ class Grasps:
     probability: np.ndarray
     support: np.ndarray
     points: int
-
-
-def ring_positions(alpha1: np.ndarray, azimuth: np.ndarray, radius: float) -> np.ndarray:
-    """(..., 3) where a neighbour at distance `radius` lies: alpha1 is how far it falls below the plane (Eq. 2), rad."""
-    flat = np.cos(alpha1)
-    return radius * np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), -np.sin(alpha1)], axis=-1)
-
-
-def rings(degrees: np.ndarray, seen: np.ndarray, radius: float) -> tuple[Ring, Ring]:
-    """Top and bottom layer of one prototype (2, cells, 2) in degrees; cell k is centred on azimuth k * 360 / cells.
-
-    A cell is as wide, from the outside in, as the share of features that have something there, `seen` (2, cells); a
-    gap where it is less than half of them.
-    """
-    return _ring(degrees[0], seen[0], radius, 0.0), _ring(degrees[1], seen[1], radius, SUNK * radius)
 
 
 def short_outline(gripper: Gripper) -> np.ndarray:
@@ -157,25 +125,3 @@ def _slice(model: GraspModel, prototype: int, kind: str) -> tuple[int, int]:
     s = prototype * len(model.grasp_types) + model.grasp_types.index(kind)
     start, stop = (int(model.condensed.partition_start[i]) for i in (s, s + 1))
     return start, stop
-
-
-def _ring(layer_deg: np.ndarray, seen: np.ndarray, radius: float, sunk: float) -> Ring:
-    cells = len(layer_deg)
-    azimuth = np.arange(cells) * 2 * np.pi / cells
-    half = np.pi / cells
-    gap, inner = seen < 0.5, 1 - (1 - INNER) * seen
-    borders = zip(_borders(np.radians(layer_deg[:, 0]), gap), _borders(inner, gap), (-half, half), strict=True)
-    (a, b), (d, c) = (
-        [np.reshape(share, (-1, 1)) * ring_positions(alpha1, azimuth + side, radius) for share in (begin, 1)]
-        for alpha1, begin, side in borders
-    )
-    corners = [a, b, c, d]
-    down = np.array([0, 0, sunk])
-    ends = ring_positions(np.zeros((2, gap.sum())), azimuth[gap] + half * np.array([[-0.6], [0.6]]), radius)
-    return Ring((np.stack(corners, axis=1) - down)[~gap], layer_deg[~gap, 1], np.swapaxes(ends, 0, 1) - down)
-
-
-def _borders(values: np.ndarray, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Values (C,) at both borders of each cell: the mean with the neighbour, or its own where that is a gap."""
-    before, after = (np.where(np.roll(gap, k), values, (values + np.roll(values, k)) / 2) for k in (1, -1))
-    return before, after

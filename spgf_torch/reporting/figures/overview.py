@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from spgf_torch.drawing.prototype_rings import INNER, ring_positions
 from spgf_torch.drawing.style import (
     CENTRE,
     LETTERS,
@@ -23,7 +24,7 @@ from spgf_torch.drawing.style import (
 )
 from spgf_torch.reporting.figures.example import Steps
 from spgf_torch.reporting.figures.grid_figures import colour_bar, strip, titled
-from spgf_torch.reporting.figures.learned import INNER, Grasps, ring_positions
+from spgf_torch.reporting.figures.learned import Grasps
 from spgf_torch.reporting.figures.pieces import (
     TEXLET,
     Pieces,

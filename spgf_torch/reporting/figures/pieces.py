@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 
+from spgf_torch.drawing.prototype_rings import Ring, shading
 from spgf_torch.drawing.style import ALONG, LIGHT, MESH, TOWARDS, angle_colours, camera
-from spgf_torch.reporting.figures.learned import Ring
 
 PATCH = 0.012  # m; largest edge of a triangle that is sorted by depth
 STEP = 0.006  # m; longest piece of a line that is sorted by depth
@@ -104,7 +104,7 @@ def frame(T: np.ndarray, length: float, width: float = 1.1) -> Pieces:
 def ring(layer: Ring, grey: bool = False) -> Pieces:
     """One layer of a prototype: coloured by alpha2 or grey, gaps as dashes."""
     colours = np.full((len(layer.quads), 3), 0.72) if grey else angle_colours(layer.alpha2_deg)
-    shade = np.ones(len(colours)) if grey else _shading(layer.quads)
+    shade = np.ones(len(colours)) if grey else shading(layer.quads)
     dashes = lines(layer.gap_lines, np.full((len(layer.gap_lines), 3), 0.6), 0.9)
     return joined([faces(layer.quads, colours * shade[:, None]), dashes])
 
@@ -143,10 +143,3 @@ def _across(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     x = np.cross(helper, normals)
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     return x, np.cross(normals, x)
-
-
-def _shading(quads: np.ndarray) -> np.ndarray:
-    """(C,) brightness in [0.82, 1] by how much a quadrilateral faces the lamp."""
-    normal = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True).clip(1e-12)
-    return 0.82 + 0.18 * np.abs(normal @ LIGHT)

@@ -12,9 +12,10 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from spgf_torch.drawing.prototype_rings import Ring
 from spgf_torch.drawing.style import ANGLE_SCALE, FAILED, HELD, LETTERS, SUCCESS_SCALE, success_colours
 from spgf_torch.hands.records import Gripper
-from spgf_torch.reporting.figures.learned import Grasps, Ring, short_outline
+from spgf_torch.reporting.figures.learned import Grasps, short_outline
 from spgf_torch.reporting.figures.pieces import (
     Pieces,
     View,

@@ -13,6 +13,7 @@ import trimesh
 from matplotlib.colors import to_hex
 
 from spgf_torch.drawing.page import Trace, View
+from spgf_torch.drawing.prototype_rings import Ring
 from spgf_torch.drawing.style import (
     ANGLE_SCALE,
     FAILED,
@@ -24,7 +25,7 @@ from spgf_torch.drawing.style import (
     success_colours,
 )
 from spgf_torch.prototypes.naming import family_of
-from spgf_torch.reporting.figures.learned import LAYERS, Grasps, Ring
+from spgf_torch.reporting.figures.learned import LAYERS, Grasps
 from spgf_torch.reporting.figures.scenes import Held, Inferred, Look
 
 DIGITS = 2  # of coordinates in mm

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from spgf_torch.affordance.model import GraspModel, load_model
+from spgf_torch.drawing.prototype_rings import rings
 from spgf_torch.drawing.style import prototype_colours
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.held_out import FOLDER, novel_by_fold
@@ -20,7 +21,7 @@ from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.prototypes.naming import gaps, mirror_twins, prototype_names
 from spgf_torch.reporting.data.runs import Run
-from spgf_torch.reporting.figures.learned import Members, rings
+from spgf_torch.reporting.figures.learned import Members
 from spgf_torch.reporting.figures.scenes import Inferred, Look
 from spgf_torch.reporting.pages.context import Context, grippers_of_run
 from spgf_torch.sensing.config import SensingConfig
