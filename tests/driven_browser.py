@@ -1,6 +1,6 @@
 """A real browser that tests drive: pages, clicks, keys, pictures, and all that it writes on its console.
 
-It is spoken to in the DevTools protocol over two pipes (--remote-debugging-pipe): nothing needs to be installed beside it.
+It is spoken to in the DevTools protocol over two pipes (--remote-debugging-pipe): nothing else needs to be installed.
 """
 
 from __future__ import annotations
@@ -115,10 +115,9 @@ class Tab:
 
     def click(self, selector: str) -> None:
         """A click of the mouse on the middle of an element, which is scrolled into sight."""
-        box = self.run(
-            f"(() => {{ const e = document.querySelector({json.dumps(selector)}); e.scrollIntoView({{block: 'nearest'}});"
-            " const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; })()"
-        )
+        middle = "[b.x + b.width / 2, b.y + b.height / 2]"
+        script = f"e.scrollIntoView({{block: 'nearest'}}); const b = e.getBoundingClientRect(); return {middle};"
+        box = self.run(f"(() => {{ const e = document.querySelector({json.dumps(selector)}); {script} }})()")
         self.mouse("mousePressed", *box)
         self.mouse("mouseReleased", *box)
 

@@ -12,6 +12,7 @@ import numpy as np
 from spgf_torch.drawing.grasp_scene import Beside, Told
 from spgf_torch.drawing.judge_words import WeighedNumber, weighed_words
 from spgf_torch.drawing.page_hands import fractions
+from spgf_torch.drawing.prototype_picture import prototype_svg
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import closing_poses, load_hand
 from spgf_torch.hands.records import Grasp
@@ -29,12 +30,14 @@ def beside_of(
     grasps: Sequence[Grasp],
     hand: Mapping[str, Any],
     judge: Judge | None = None,
+    rings_deg: np.ndarray | None = None,
     told: Told | None = None,
 ) -> Beside:
     """All that a page shows beside the targets and `grasps`.
 
     Args:
         hand: the settings of the hand, as models keep them. judge: who ranked; None: the votes.
+        rings_deg: (K, 2, cells, 2) of the prototypes, degrees; None: of another descriptor, or none.
         told: what is said in words.
     """
     return Beside(
@@ -44,6 +47,7 @@ def beside_of(
         cameras=_cameras(scene),
         told=told or Told(notes=scene.notes),
         weighed=_weighed(grasps, judge),
+        pictures={} if rings_deg is None else _pictures(grasps, rings_deg),
         closing=closings(hand, {grasp.type for grasp in grasps}),
     )
 
@@ -63,6 +67,11 @@ def model_words(folder: Path) -> str:
             digest = str(json.loads(path.read_text(encoding="utf-8")).get(DIGEST, ""))[:SHORT]
             return f"{folder.resolve().name} ({digest})" if digest else folder.resolve().name
     return folder.resolve().name
+
+
+def _pictures(grasps: Sequence[Grasp], rings_deg: np.ndarray) -> dict[int, str]:
+    """SVG of each prototype that voted, by number."""
+    return {k: prototype_svg(rings_deg[k]) for k in sorted({k for grasp in grasps for k, _ in grasp.voted_by})}
 
 
 def _weighed(grasps: Sequence[Grasp], judge: Judge | None) -> tuple[tuple[WeighedNumber, ...], ...]:

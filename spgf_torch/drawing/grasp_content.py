@@ -51,7 +51,7 @@ def page_content(
         gripper_for(grasp, grippers)
     votes, kept = _votes(grasps, origin)
     voted = {k for grasp in grasps for k, _ in grasp.voted_by}
-    voted |= {int(k) for grasp in grasps if (known := _voters(grasp)) is not None for k in np.unique(known.prototype)}
+    voted |= {k for grasp in grasps if grasp.voters is not None for k in np.unique(grasp.voters.prototype).tolist()}
     return {
         "origin": origin.tolist(),
         "up": eye.up.tolist(),
@@ -175,7 +175,7 @@ def _votes(grasps: Sequence[Grasp], origin: np.ndarray) -> tuple[dict[str, Any],
     kept: list[dict[str, int]] = []
     parts: list[tuple[np.ndarray, ...]] = []
     first = 0
-    for voters in map(_voters, grasps):
+    for voters in (grasp.voters for grasp in grasps):
         count = 0 if voters is None else len(voters.gain)
         room = min(count, EACH, VOTES - first)
         kept.append({"first": first, "count": room, "left": count - room})
@@ -202,10 +202,6 @@ def _votes(grasps: Sequence[Grasp], origin: np.ndarray) -> tuple[dict[str, Any],
         "probability": packed(np.rint(255 * probability.clip(0, 1)), "u1"),
         "support": packed(support, "f4"),
     }, kept
-
-
-def _voters(grasp: Grasp) -> Any:
-    return getattr(grasp, "voters", None)
 
 
 def _prototypes(voted: Iterable[int], names: Sequence[str], pictures: Mapping[int, str]) -> dict[str, dict[str, str]]:

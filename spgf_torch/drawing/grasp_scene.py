@@ -73,8 +73,8 @@ class Beside:
         obstacles: (K, 3) m, what else was sensed. table: (4,) a, b, c, d, a x + b y + c z + d the height above it, m.
         sensed: all that was sensed, with its colours, in the place of the targets' points and the obstacles; None: they
             are all that is known.
-        cameras: of each its place (3,), m; its axes (3, 3), columns right, down and ahead; and the corners (2, 2) of its
-            image 1 m ahead, left top and right bottom, m. None for the last two: not known.
+        cameras: of each its place (3,), m; its axes (3, 3), columns right, down and ahead; and two corners (2, 2) of
+            its image 1 m ahead, left top and right bottom, m. None for the last two: not known.
         told: what is said in words.
         weighed: of each grasp what a judge weighed; () where none ranked.
         pictures: SVG of prototypes, by number.
