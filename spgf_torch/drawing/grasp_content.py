@@ -21,10 +21,10 @@ from spgf_torch.drawing.page_hands import closing_content
 from spgf_torch.drawing.style import SUCCESS_SCALE, prototype_colours
 from spgf_torch.hands.records import Grasp, Gripper, gripper_for
 
-TARGET, REST = 12_000, 10_000  # points of targets, and of all else, that a page holds at most
+TARGET, REST = 12_000, 16_000  # points of targets, and of all else, that a page holds at most
 VOTES, EACH = 12_000, 600  # votes that a page holds at most, and of one grasp
 NEAR = 0.25  # m about the targets: what else was sensed there is kept first
-DOT = 0.65  # radius of a point that is drawn, of the distance to its sixth neighbour: they touch
+DOTS = 0.65, 0.9  # radius of a point of targets and of the rest, of the distance to its sixth neighbour: they touch
 NEIGHBOURS = 6
 MARGIN = 0.08  # m of the table that are drawn around the targets
 DIGITS, TURNS = 5, 6  # decimals of m, and of the numbers of a rotation
@@ -96,7 +96,7 @@ def _clouds(points: np.ndarray, normals: np.ndarray, beside: Beside, origin: np.
     shown = _chosen(len(own), TARGET)
     own = own[shown]
     facing = normals[cKDTree(points).query(own)[1]]
-    clouds = [_cloud(own, facing, None if colours is None else colours[shown], origin)]
+    clouds = [_cloud(own, facing, None if colours is None else colours[shown], origin, DOTS[0])]
     rest, colours = beside.obstacles, None
     if seen is not None and seen.colours is not None and not seen.target.all():  # the table too, as a photograph
         rest, colours = seen.points[~seen.target], seen.colours[~seen.target]
@@ -104,7 +104,7 @@ def _clouds(points: np.ndarray, normals: np.ndarray, beside: Beside, origin: np.
         return clouds
     near = ((rest >= points.min(axis=0) - NEAR) & (rest <= points.max(axis=0) + NEAR)).all(axis=1)
     order = np.concatenate([np.flatnonzero(near)[_chosen(int(near.sum()), REST)], np.flatnonzero(~near)])[:REST]
-    return [*clouds, _cloud(rest[order], None, None if colours is None else colours[order], origin)]
+    return [*clouds, _cloud(rest[order], None, None if colours is None else colours[order], origin, DOTS[1])]
 
 
 def _chosen(count: int, most: int) -> np.ndarray:
@@ -113,10 +113,10 @@ def _chosen(count: int, most: int) -> np.ndarray:
 
 
 def _cloud(
-    points: np.ndarray, normals: np.ndarray | None, colours: np.ndarray | None, origin: np.ndarray
+    points: np.ndarray, normals: np.ndarray | None, colours: np.ndarray | None, origin: np.ndarray, dot: float
 ) -> dict[str, Any]:
     nearest = cKDTree(points).query(points[:: max(1, len(points) // 1000)], k=min(NEIGHBOURS + 1, len(points)))[0]
-    radius = DOT * float(np.median(nearest.reshape(-1, min(NEIGHBOURS + 1, len(points)))[:, -1])) or 0.002
+    radius = dot * float(np.median(nearest.reshape(-1, min(NEIGHBOURS + 1, len(points)))[:, -1])) or 0.002
     content = {"points": packed_points(points, origin), "radius": round(radius, DIGITS)}
     content |= {} if normals is None else {"normals": packed_units(normals)}
     return content | ({} if colours is None else {"colours": packed(colours, "u1")})

@@ -151,7 +151,7 @@ function makeStage(content, canvas, gizmo) {
       const [across, , approach] = [1, 0, 2].map((k) => new THREE.Vector3().setFromMatrixColumn(grasp.matrix, k));
       if (across.dot(front) < 0) across.negate();
       // Across closing and approach, where nothing of the hand hides its fingers; a little from above and behind.
-      fit(across.multiplyScalar(2.2).addScaledVector(up, 0.75).addScaledVector(front, 0.5).addScaledVector(approach, -0.15));
+      fit(across.multiplyScalar(2.2).addScaledVector(up, 0.6).addScaledVector(front, 0.5).addScaledVector(approach, -0.15));
     },
     lookAsCamera(i = 0) { fit(new THREE.Vector3(...content.cameras[i].eye)); },
     paint(how) { clouds.forEach((cloud) => cloud.paint(how)); later(); },
