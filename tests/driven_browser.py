@@ -65,8 +65,10 @@ class DrivenBrowser:
         message: dict[str, Any] = json.loads(line)
         return message
 
-    def open(self, page: Path, size: tuple[int, int] = (1280, 800), dark: bool = False, touch: bool = False) -> Tab:
-        """A new tab with a page, loaded."""
+    def open(
+        self, page: Path, size: tuple[int, int] = (1280, 800), dark: bool = False, touch: bool = False, before: str = ""
+    ) -> Tab:
+        """A new tab with a page, loaded; the script `before` runs in it before its own."""
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         tab = Tab(self, session, target)
@@ -77,6 +79,7 @@ class DrivenBrowser:
         tab.call("Emulation.setTouchEmulationEnabled", enabled=touch)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         tab.call("Emulation.setEmulatedMedia", features=[scheme])
+        tab.call("Page.addScriptToEvaluateOnNewDocument", source=before)
         tab.call("Page.navigate", url=page.as_uri())
         tab.until("document.readyState === 'complete'")
         return tab
