@@ -1,6 +1,7 @@
 """The grasp page in a real browser: clicks, filters, slider, keys, and nothing wrong on the console."""
 
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,16 @@ from spgf_torch.drawing.grasp_page import write_scene_page
 
 pytestmark = needs_browser
 SIZE = (900, 560)
+COLOURS = """(() => {
+  const small = document.createElement("canvas"), pen = small.getContext("2d");
+  small.width = small.height = 64;
+  pen.drawImage(document.querySelector("canvas"), 0, 0, 64, 64);
+  const bytes = pen.getImageData(0, 0, 64, 64).data;
+  return new Set(Array.from({ length: 4096 }, (_, i) => bytes.slice(4 * i, 4 * i + 3).join())).size;
+})()"""
+NAMELESS = """[...document.querySelectorAll("button, select, input, canvas, img")].filter((e) =>
+  !(e.labels?.length || e.ariaLabel || (e.tagName === "IMG" && e.hasAttribute("alt")) || e.textContent.trim()))
+  .map((e) => e.outerHTML)"""
 DRAWN = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 
@@ -53,13 +64,8 @@ def chosen(tab: Tab) -> int:
 
 def colours(tab: Tab) -> int:
     """How many colours the canvas shows: a view that is not drawn has one."""
-    script = (
-        "(() => { const c = document.querySelector('canvas'), s = document.createElement('canvas'); s.width = s.height = 64;"
-        " const x = s.getContext('2d'); x.drawImage(c, 0, 0, 64, 64); const d = x.getImageData(0, 0, 64, 64).data;"
-        " return new Set(Array.from({length: 4096}, (_, i) => d.slice(4 * i, 4 * i + 3).join())).size; })()"
-    )
     tab.run(DRAWN)
-    return int(tab.run(script))
+    return int(tab.run(COLOURS))
 
 
 def slide(tab: Tab, selector: str, value: int) -> None:
@@ -94,7 +100,7 @@ def test_a_row_chooses_and_is_told(tab: Tab) -> None:
     assert tab.run("document.querySelector('tr.chosen button').textContent") == "3"
     told = tab.run("document.querySelector('#why').innerText")
     assert told.startswith("Grasp 3: WPG, target 2, 30 %") and "60 %" in told and "50 %" in told
-    assert "nearest point to the hand" in told and "+2.17" in told and "−1.00" in told
+    assert "nearest point to the hand" in told and "+2.17" in told and "\u22121.00" in told
 
 
 def test_a_click_on_a_hand_chooses_its_row(tab: Tab) -> None:
@@ -104,18 +110,15 @@ def test_a_click_on_a_hand_chooses_its_row(tab: Tab) -> None:
     x, y, width, height = tab.run(
         "(({x, y, width, height}) => [x, y, width, height])(document.querySelector('canvas').getBoundingClientRect())"
     )
-    for row in range(40):
-        for column in range(0, 40):
-            place = x + width * (column + 0.5) / 40, y + height * (row + 0.5) / 40
-            if row % 2 == 0 and column % 2 == 0:
-                tab.mouse("mouseMoved", *place)
-                if tab.run("document.querySelector('canvas').dataset.at") == "2":
-                    tip = tab.run("document.querySelector('.tip').textContent")
-                    assert tip == "grasp 2: NPG, 60 %"
-                    tab.mouse("mousePressed", *place)
-                    tab.mouse("mouseReleased", *place)
-                    assert chosen(tab) == 2 and tab.run("document.querySelector('tr.chosen button').textContent") == "2"
-                    return
+    for row, column in product(range(0, 40, 2), repeat=2):
+        place = x + width * (column + 0.5) / 40, y + height * (row + 0.5) / 40
+        tab.mouse("mouseMoved", *place)
+        if tab.run("document.querySelector('canvas').dataset.at") == "2":
+            assert tab.run("document.querySelector('.tip').textContent") == "grasp 2: NPG, 60 %"
+            tab.mouse("mousePressed", *place)
+            tab.mouse("mouseReleased", *place)
+            assert chosen(tab) == 2 and tab.run("document.querySelector('tr.chosen button').textContent") == "2"
+            return
     pytest.fail("the outline of the second grasp is nowhere")
 
 
@@ -143,14 +146,12 @@ def test_filters_hide_rows_and_choose_among_the_rest(tab: Tab) -> None:
         False,
     ]
     assert chosen(tab) == 4
-    slide(tab, "#least", 60)  # nothing is left: told, not drawn
+    slide(tab, "#least", 70)  # raises the other end, too; nothing is left: told, not drawn
     assert chosen(tab) == 0 and "No grasp passes" in tab.run("document.querySelector('#why').textContent")
     tab.press("j")
     tab.click("#filters button[type=reset]")
     tab.until("document.body.dataset.shown === '4'")
-    tab.run(
-        "(() => { const s = document.querySelector('select[name=target]'); s.value = '2'; s.dispatchEvent(new Event('input', {bubbles: true})); })()"
-    )
+    slide(tab, "select[name=target]", 2)
     assert chosen(tab) == 3
 
 
@@ -172,10 +173,9 @@ def test_the_slider_comes_and_closes(tab: Tab) -> None:
 
 def test_a_prototype_shows_its_votes_alone(tab: Tab) -> None:
     """Three votes: 1.5 and 0.25 of prototype 3, -0.5 of 7."""
-    rows = tab.run(
-        "[...document.querySelectorAll('.voted tbody tr')].map((r) => [...r.cells].slice(1).map((c) => c.innerText.trim()))"
-    )
-    assert rows == [["2", "+1.75"], ["1", "−0.50"]]
+    cells = "(row) => [...row.cells].slice(1).map((cell) => cell.innerText.trim())"
+    rows = tab.run(f"[...document.querySelectorAll('.voted tbody tr')].map({cells})")
+    assert rows == [["2", "+1.75"], ["1", "\u22120.50"]]
     assert tab.run("document.querySelectorAll('.voted img').length") == 1
     tab.click('.prototype[data-prototype="7"]')
     assert tab.run("document.body.dataset.only") == "7"
@@ -186,11 +186,7 @@ def test_a_prototype_shows_its_votes_alone(tab: Tab) -> None:
 
 
 def test_controls_have_names(tab: Tab) -> None:
-    nameless = tab.run(
-        "[...document.querySelectorAll('button, select, input, canvas, img')].filter((e) => !(e.labels?.length || e.ariaLabel"
-        " || e.alt !== undefined && e.tagName === 'IMG' || e.textContent.trim())).map((e) => e.outerHTML)"
-    )
-    assert nameless == []
+    assert tab.run(NAMELESS) == []
 
 
 def test_light_and_dark(tab: Tab) -> None:

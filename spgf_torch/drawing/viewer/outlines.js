@@ -21,6 +21,7 @@ function outlinesOf(content, grasps, hands) {
       rods.setMatrixAt(first[i] + s, shown.has(i) || i === marked ? matrix : none);
       rods.setColorAt(first[i] + s, i === marked ? accent : grasp.colour);
     }));
+    if (!grasps.length) return;
     rods.instanceMatrix.needsUpdate = rods.instanceColor.needsUpdate = true;
   }
   if (!grasps.length) rods.visible = false;
