@@ -1,5 +1,6 @@
 // The view: everything in three dimensions, and where it is looked at from. Drawn when something changes, not always.
 const ANGLE = 28, ROOM = 1.12; // deg of the view's height; so much more than fits is shown
+const AROUND = 0.05; // m around the TCP that are in sight where a grasp is looked at
 const REACH = 14; // pixels around the mouse within which an outline is meant
 
 function makeStage(content, canvas, gizmo) {
@@ -59,10 +60,12 @@ function makeStage(content, canvas, gizmo) {
     later();
   }
 
-  // What must be in sight: the targets, and the chosen hand where it waits and where it grasps.
-  function corners() {
-    const points = [], [x, y, z] = content.half, grasp = grasps[state.chosen];
-    for (const a of [-x, x]) for (const b of [-y, y]) for (const c of [-z, z]) points.push(new THREE.Vector3(a, b, c));
+  // What must be in sight: the targets, or what is around the chosen TCP, and the chosen hand.
+  function corners(near = false) {
+    const points = [], grasp = grasps[state.chosen], middle = new THREE.Vector3();
+    if (near && grasp) middle.setFromMatrixPosition(grasp.matrix);
+    const [x, y, z] = near && grasp ? content.half.map((half) => Math.min(half, AROUND)) : content.half;
+    for (const a of [-x, x]) for (const b of [-y, y]) for (const c of [-z, z]) points.push(new THREE.Vector3(a, b, c).add(middle));
     if (!grasp) return points;
     for (const { vertices } of hands[grasp.type].shapes)
       for (let i = 0; i < vertices.length; i += 3) points.push(new THREE.Vector3().fromArray(vertices, i).applyMatrix4(grasp.matrix));
@@ -70,8 +73,8 @@ function makeStage(content, canvas, gizmo) {
   }
 
   // Look from a direction, or from where one looks already, at all that must be in sight.
-  function fit(towards = camera.position.clone().sub(controls.target)) {
-    const z = towards.clone().normalize(), points = corners();
+  function fit(towards = camera.position.clone().sub(controls.target), points = corners()) {
+    const z = towards.clone().normalize();
     if (Math.abs(z.dot(up)) > 0.9999) z.addScaledVector(new THREE.Vector3(up.y, up.z, up.x), 0.01).normalize();
     const x = up.clone().cross(z).normalize(), y = z.clone().cross(x), tall = Math.tan((ANGLE / 2) * (Math.PI / 180)) / ROOM, wide = tall * camera.aspect;
     const middle = new THREE.Vector3();
@@ -91,7 +94,7 @@ function makeStage(content, canvas, gizmo) {
 
   function inSight() {
     camera.updateMatrixWorld();
-    return corners().every((point) => point.project(camera) && Math.max(Math.abs(point.x), Math.abs(point.y)) < 1 && point.z < 1);
+    return corners(true).every((point) => point.project(camera) && Math.max(Math.abs(point.x), Math.abs(point.y)) < 1 && point.z < 1);
   }
 
   function show() {
@@ -102,7 +105,8 @@ function makeStage(content, canvas, gizmo) {
     way.visible &&= Boolean(grasp);
     const others = new Set([...state.shown].filter((i) => i !== state.chosen));
     outlines.show(others, state.marked === state.chosen ? -1 : state.marked, accent);
-    outlines.look.opacity = others.size > 12 ? 0.4 : 0.6;
+    const voted = Boolean(votes && grasp?.votes.count && !off.has("votes"));
+    outlines.look.opacity = voted ? 0.22 : Math.min(0.6, Math.max(0.15, 7 / others.size)); // what is explained is not to be hidden
     if (grasp) {
       placeHand(groups[grasp.type], grasp, state.back, state.share);
       for (const look of groups[grasp.type].userData.looks) Object.assign(look, { transparent: state.through, opacity: state.through ? 0.28 : 1, depthWrite: !state.through });
@@ -110,7 +114,7 @@ function makeStage(content, canvas, gizmo) {
       way.geometry.setFromPoints(arrow(from, to, grasp.matrix));
     }
     if (votes) discs.show(grasp?.votes ?? { first: 0, count: 0 }, state.only);
-    for (const { uniforms } of clouds) uniforms.faded.value = votes && grasp?.votes.count && !off.has("votes") ? 0.45 : 0;
+    for (const { uniforms } of clouds) uniforms.faded.value = voted ? 0.4 : 0;
     later();
   }
 
@@ -151,7 +155,7 @@ function makeStage(content, canvas, gizmo) {
       const [across, , approach] = [1, 0, 2].map((k) => new THREE.Vector3().setFromMatrixColumn(grasp.matrix, k));
       if (across.dot(front) < 0) across.negate();
       // Across closing and approach, where nothing of the hand hides its fingers; a little from above and behind.
-      fit(across.multiplyScalar(2.2).addScaledVector(up, 0.6).addScaledVector(front, 0.5).addScaledVector(approach, -0.15));
+      fit(across.multiplyScalar(2.2).addScaledVector(up, 0.6).addScaledVector(front, 0.5).addScaledVector(approach, -0.15), corners(true));
     },
     lookAsCamera(i = 0) { fit(new THREE.Vector3(...content.cameras[i].eye)); },
     paint(how) { clouds.forEach((cloud) => cloud.paint(how)); later(); },

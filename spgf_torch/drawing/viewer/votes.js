@@ -1,6 +1,6 @@
 // The texlets that voted for a grasp, as discs: the colour is the prototype, the area is how much a vote moved the
 // grasp's log-odds, filled for it, a ring against it.
-const LARGEST = 0.0042, SMALLEST = 0.0009; // m, radius of a disc
+const LARGEST = 0.0027, SMALLEST = 0.0007; // m, radius of a disc
 const ABOVE = 0.0012; // m between the surface and a disc
 
 function decodedVotes(packed) {
