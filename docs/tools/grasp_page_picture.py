@@ -1,6 +1,6 @@
 """The picture of the grasp page: a prediction's page, opened in a headless Chromium.
 
-    python docs/tools/grasp_page_picture.py outputs/predict/latest/index.html [docs/images/grasp_page.png]
+python docs/tools/grasp_page_picture.py outputs/predict/latest/index.html [docs/images/grasp_page.png]
 """
 
 from __future__ import annotations

@@ -184,6 +184,7 @@ function drawScale() {
 }
 
 document.body.classList.toggle("flat", !stage);
+addEventListener("beforeprint", () => { find(".about").open = true; });
 find(".motion").hidden = !content.grasps.length;
 find(".about").open = !matchMedia("(max-width: 860px)").matches; // on a phone the view is wanted first
 theme(null, remembered() ?? "auto");
