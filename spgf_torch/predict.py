@@ -114,7 +114,7 @@ def _predict(config: PredictConfig, folder: Path, loaded: Callable[[], Predictor
 
     from spgf_torch.affordance.model import check_device
     from spgf_torch.grasps.page import write_page
-    from spgf_torch.grasps.saving import jaws
+    from spgf_torch.grasps.saving import left_out, save
     from spgf_torch.predictor import sensing_of
     from spgf_torch.scene.assembly import read_scene
 
@@ -136,17 +136,17 @@ def _predict(config: PredictConfig, folder: Path, loaded: Callable[[], Predictor
     seconds = time.perf_counter() - start
 
     doubts = _doubts(grasps, predictor, scene)
-    grasps.save(folder)
+    save(grasps, folder)
     told = _head(config, predictor, votes, judge), ranking if judge else (), [doubts] if doubts else ()
     write_page(grasps, folder, *told)
-    _tell(grasps, predictor, scene, config.N, (doubts, jaws(grasps).count(False)))
+    _tell(grasps, predictor, scene, config.N, (doubts, left_out(grasps)))
     counted = by_type(grasps, predictor.grippers)
     show(f"{len(grasps)} grasps ({counted}) from {len(scene.texlets)} texlets in {seconds:.2f} s")
     show(_files(folder, bool(len(scene.texlets))))
 
 
 def _tell(
-    grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, top: int, beside: tuple[str | None, int]
+    grasps: Sequence[Grasp], predictor: Predictor, scene: Scene, top: int, beside: tuple[str | None, str | None]
 ) -> None:
     """Show the `top` first grasps, then doubts, what graspnet.npy lacks, and how many each target has."""
     from spgf_torch.drawing.grasp_table import grasp_table
@@ -157,7 +157,7 @@ def _tell(
     if doubts:
         show(doubts)
     if left:
-        show(f"graspnet.npy: {left} grasps left out, of types that are no two-finger jaw; the other files have them")
+        show(left)
     for target in scene.targets if len(scene.targets) > 1 else ():
         show(f"target {target}: {sum(grasp.target == target for grasp in grasps)} grasps")
 

@@ -24,7 +24,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.files.given_paths import model_and_judge
 from spgf_torch.grasps.grasps import Grasps, Source
 from spgf_torch.hands.config import HandConfig
-from spgf_torch.hands.hand import load_hand
+from spgf_torch.hands.hand import Hand, load_hand
 from spgf_torch.hands.records import Grasp, Gripper, grippers_of, make_grasp
 from spgf_torch.proposing.bodies import bodies_of
 from spgf_torch.proposing.borders import Borders
@@ -63,6 +63,7 @@ class Predictor:
         retreat: m between pregrasp and grasp.
         judged: who proposes in the place of the votes; None: the votes do.
         judge_folder: where that judge was loaded from.
+        hand: the loaded hand, for whoever draws it closing.
     """
 
     model: GraspModel | None
@@ -72,6 +73,7 @@ class Predictor:
     retreat: float
     judged: JudgedProposer | None = None
     judge_folder: Path | None = None
+    hand: Hand | None = None
 
     @staticmethod
     def load(
@@ -101,15 +103,16 @@ class Predictor:
         loaded = load_hand(typed(HandConfig, hand))
         grippers, volumes = grippers_of(loaded), hand_volumes(loaded)
         if model is None:
-            judged = JudgedProposer.alone(its_judge, volumes, config)  # type: ignore[arg-type]
-            return Predictor(None, sensing, grippers, None, retreat, judged, ranks)
+            alone = JudgedProposer.alone(its_judge, volumes, config)  # type: ignore[arg-type]
+            return Predictor(None, sensing, grippers, None, retreat, alone, ranks, loaded)
         proposer = Proposer.of(model, config, volumes)
-        return Predictor(model, sensing, grippers, proposer, retreat, _with_votes(its_judge, proposer), ranks)
+        beside = _with_votes(its_judge, proposer)
+        return Predictor(model, sensing, grippers, proposer, retreat, beside, ranks, loaded)
 
     def ready(self) -> Predictor:
         """Do now what the first prediction would do besides: tables of the model, and compiled loops; seconds."""
         if (proposer := self.proposer) is not None:
-            _ = proposer.index, proposer.grasp_seeds, proposer.moves
+            _ = proposer.index, proposer.grasp_seeds, proposer.moves, self.names
         self.predict(block(self.sensing.spacing))
         return self
 

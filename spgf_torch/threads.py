@@ -17,6 +17,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import chain, islice
+from threading import Barrier, Lock
 from typing import TypeVar
 
 import torch
@@ -51,20 +52,45 @@ def in_parts(work: Callable[[T], R], parts: Iterable[T], most: int | None = None
 
 @lru_cache(maxsize=1)
 def _pool(threads: int) -> ThreadPoolExecutor:
-    """Kept from call to call: on a busy machine it takes milliseconds until a thread runs."""
-    return ThreadPoolExecutor(threads, "spgf_torch", initializer=lambda: torch.set_num_threads(1))
+    """Kept from call to call: on a busy machine it takes milliseconds until a thread runs.
+
+    All its threads have begun when it is returned: each sets torch's number of threads, which the next new thread of
+    the program would take over, and who asked for the pool sets it right again.
+    """
+    pool, begun = (
+        ThreadPoolExecutor(threads, "spgf_torch", initializer=lambda: torch.set_num_threads(1)),
+        Barrier(threads),
+    )
+    list(pool.map(lambda _: begun.wait(), range(threads)))
+    return pool
 
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.cache_clear)  # a forked process has no threads but one
 
 
+class _Callers:
+    """Threads of the program that are within `one_thread`, and how many threads torch had before the first."""
+
+    inside, before, lock = 0, 1, Lock()
+
+
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """torch uses one thread for each operation of the calling thread."""
-    threads = torch.get_num_threads()
+    """torch uses one thread for each operation of the calling thread.
+
+    The number is torch's for each thread of a program and for those that begin later: a thread that begins while
+    another one is in here finds one thread, and leaves with as many as that one had before.
+    """
+    own = torch.get_num_threads()
+    with _Callers.lock:
+        if not _Callers.inside:
+            _Callers.before = own
+        _Callers.inside += 1
     torch.set_num_threads(1)
     try:
         yield
     finally:
-        torch.set_num_threads(threads)
+        with _Callers.lock:
+            _Callers.inside -= 1
+            torch.set_num_threads(_Callers.before if own == 1 else own)

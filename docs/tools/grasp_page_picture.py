@@ -14,7 +14,7 @@ from PIL import Image
 from spgf_torch.paths import root
 
 sys.path.insert(0, str(root() / "tests"))
-from driven_browser import SOFTWARE_GL, DrivenBrowser  # noqa: E402
+from driven_browser import SOFTWARE_GL, DrivenBrowser
 
 WINDOW, WIDTH, COLOURS = (1280, 800), 1000, 96  # px of the window, px across of the picture, colours of its palette
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,13 +12,11 @@ from spgf_torch.drawing.grasp_scene import Beside, Told
 from spgf_torch.drawing.judge_words import WeighedNumber, weighed_words
 from spgf_torch.drawing.page_hands import fractions
 from spgf_torch.drawing.prototype_picture import prototype_svg
-from spgf_torch.hands.config import HandConfig
-from spgf_torch.hands.hand import closing_poses, load_hand
+from spgf_torch.hands.hand import Hand, closing_poses
 from spgf_torch.hands.records import Grasp
 from spgf_torch.proposing.judge import Judge
 from spgf_torch.proposing.judge_influences import weighed
 from spgf_torch.scene.scene import Scene
-from spgf_torch.settings import typed
 
 SHORT = 8  # letters of a digest that are shown
 DIGEST = "tensors_sha256"  # key in model.json and judge.json
@@ -28,7 +25,7 @@ DIGEST = "tensors_sha256"  # key in model.json and judge.json
 def beside_of(
     scene: Scene,
     grasps: Sequence[Grasp],
-    hand: Mapping[str, Any],
+    hand: Hand | None,
     judge: Judge | None = None,
     rings_deg: np.ndarray | None = None,
     told: Told | None = None,
@@ -36,7 +33,7 @@ def beside_of(
     """All that a page shows beside the targets and `grasps`.
 
     Args:
-        hand: the settings of the hand, as models keep them. judge: who ranked; None: the votes.
+        hand: None: not known, it is shown open alone. judge: who ranked; None: the votes.
         rings_deg: (K, 2, cells, 2) of the prototypes, degrees; None: of another descriptor, or none.
         told: what is said in words.
     """
@@ -48,16 +45,8 @@ def beside_of(
         told=told or Told(notes=scene.notes),
         weighed=_weighed(grasps, judge),
         pictures={} if rings_deg is None else _pictures(grasps, rings_deg),
-        closing=closings(hand, {grasp.type for grasp in grasps}),
+        closing=_closings(grasps, hand),
     )
-
-
-def closings(settings: Mapping[str, Any], grasp_types: Sequence[str] | set[str]) -> dict[str, np.ndarray]:
-    """Grasp type -> how the shapes of its hand move while it closes; of a hand by its settings."""
-    if not grasp_types:
-        return {}
-    hand = load_hand(typed(HandConfig, dict(settings)))
-    return {name: closing_poses(hand, name, fractions()) for name in sorted(grasp_types)}
 
 
 def model_words(folder: Path) -> str:
@@ -67,6 +56,12 @@ def model_words(folder: Path) -> str:
             digest = str(json.loads(path.read_text(encoding="utf-8")).get(DIGEST, ""))[:SHORT]
             return f"{folder.resolve().name} ({digest})" if digest else folder.resolve().name
     return folder.resolve().name
+
+
+def _closings(grasps: Sequence[Grasp], hand: Hand | None) -> dict[str, np.ndarray]:
+    """Grasp type -> how the shapes of its hand move while it closes."""
+    types = sorted({grasp.type for grasp in grasps})
+    return {} if hand is None else {name: closing_poses(hand, name, fractions()) for name in types}
 
 
 def _pictures(grasps: Sequence[Grasp], rings_deg: np.ndarray) -> dict[int, str]:

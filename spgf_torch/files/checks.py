@@ -75,7 +75,10 @@ def rigid(value: Any, where: str) -> np.ndarray:
     """T (4, 4) float64: a rotation, a translation, and 0 0 0 1 below."""
     if not isinstance(value, list) or len(value) != 4:
         raise InputError(f"{where}: expected 4 rows of a pose, got {reprlib.repr(value)}")
-    T = np.stack([vector(row, 4, where) for row in value])
+    return _rigid(np.stack([vector(row, 4, where) for row in value]), where)
+
+
+def _rigid(T: np.ndarray, where: str) -> np.ndarray:
     rotation(T[:3, :3], where)
     if np.abs(T[3] - [0, 0, 0, 1]).max() > TOLERANCE:
         raise InputError(f"{where}: expected 0 0 0 1 in the last row, got {reprlib.repr(T[3].tolist())}")
@@ -90,7 +93,9 @@ def rigid_of(T: Any, where: str) -> np.ndarray:
         raise InputError(f"{where}: expected a rigid pose (4, 4), got {reprlib.repr(T)}") from None
     if values.shape != (4, 4):
         raise InputError(f"{where}: expected a rigid pose (4, 4), got shape {values.shape}")
-    return rigid(values.tolist(), where)
+    if (wrong := values[~np.isfinite(values)]).size:
+        raise InputError(f"{where}: expected a finite number, got {wrong[0]}")
+    return _rigid(values, where)
 
 
 def rotation(R: np.ndarray, where: str) -> np.ndarray:

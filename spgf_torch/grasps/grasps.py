@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import warnings
 import webbrowser
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -73,7 +74,7 @@ class Grasps(Sequence[Grasp]):
         """Whether another sequence has the same grasps in the same order."""
         if not isinstance(other, Grasps | list | tuple):
             return NotImplemented
-        return list(self.grasps) == list(other)
+        return len(self) == len(other) and all(map(_same, self, other))
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -141,8 +142,8 @@ class Grasps(Sequence[Grasp]):
         Args:
             folder: made if need be; files of these names in it are replaced.
             formats: one or some of json (`grasps.json`), isaac (`isaac_grasp.yaml`), moveit (`moveit_grasps.json`),
-                graspnet (`graspnet.npy` and its joints: grasps of two-finger jaws alone), page (`index.html`,
-                `grasps.png`); None: all but the page.
+                graspnet (`graspnet.npy` and its joints: grasps of two-finger jaws alone), glb (`grasps.glb`: hands, and
+                the cloud where it is known, for Blender), page (`index.html`, `grasps.png`); None: all but the page.
 
         Returns:
             The paths of what was written.
@@ -150,9 +151,12 @@ class Grasps(Sequence[Grasp]):
         Raises:
             InputError: an unknown format, a folder that is a file, a page of grasps without their scene.
         """
-        from spgf_torch.grasps.saving import save
+        from spgf_torch.grasps.saving import left_out, save
 
-        return save(self, folder, formats)
+        written = save(self, folder, formats)
+        if (left := left_out(self)) and any(path.name == "graspnet.npy" for path in written):
+            warnings.warn(left, stacklevel=2)
+        return written
 
     def show(self) -> Path:
         """Write the page into a new temporary folder and open it in a browser; returns the page's path.
@@ -166,3 +170,8 @@ class Grasps(Sequence[Grasp]):
         page = next(path for path in self.save(folder, "page") if path.suffix == ".html")
         webbrowser.open(page.as_uri())
         return page
+
+
+def _same(grasp: Grasp, other: object) -> bool:
+    """Whether another is a grasp of the same values."""
+    return grasp is other or (isinstance(other, Grasp) and grasp.to_dict() == other.to_dict())

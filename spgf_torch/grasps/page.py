@@ -40,11 +40,12 @@ def write_page(
     T_scene_grasps = np.linalg.inv(source.T_grasps_scene)
     shown = grasps if np.array_equal(T_scene_grasps, np.eye(4)) else grasps.transform(T_scene_grasps)
     judge = None if model.judged is None else model.judged.judge
-    hand = (model.model or judge).settings["hand"]  # type: ignore[union-attr]
     rings = None if model.model is None or model.model.descriptor != "spgf" else model.model.rings_deg()
-    own = (("hand", hand["name"]), ("version", f"spgf_torch {__version__}"))
+    own = [("version", f"spgf_torch {__version__}")]
+    if model.hand is not None:
+        own.insert(0, ("hand", model.hand.config.name))
     told = Told((*own, *head), tuple(lines), tuple(doubts), scene.notes)
-    beside = beside_of(scene, shown, hand, judge, rings, told)
+    beside = beside_of(scene, shown, model.hand, judge, rings, told)
     positions, normals = scene.texlets.positions.double().numpy(), scene.texlets.normals.double().numpy()
     page, picture = folder / "index.html", folder / "grasps.png"
     write_scene_page(page, picture, positions, normals, shown, grasps.grippers, grasps.names, beside)

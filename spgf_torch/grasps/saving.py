@@ -11,13 +11,17 @@ from spgf_torch.errors import InputError
 
 if TYPE_CHECKING:
     from spgf_torch.grasps.grasps import Grasps
+    from spgf_torch.hands.records import Grasp
 
 
 def save(grasps: Grasps, folder: str | Path, formats: str | Sequence[str] | None = None) -> list[Path]:
     """Write the formats into a folder, and return the paths; see `Grasps.save`."""
     wanted = chosen(formats)
-    if PAGE in wanted and grasps.source is None:
-        raise InputError("formats: expected grasps that a model predicted for a page, got some without their scene")
+    if PAGE in wanted:
+        if grasps.source is None:
+            raise InputError("formats: expected grasps that a model predicted for a page, got some without their scene")
+        if not len(grasps.source.scene.texlets):
+            raise InputError("formats: expected a scene that shows something for a page, got one without texlets")
     place = Path(folder).expanduser()
     try:
         place.mkdir(parents=True, exist_ok=True)
@@ -41,9 +45,16 @@ def chosen(formats: str | Sequence[str] | None) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def jaws(grasps: Grasps) -> list[bool]:
-    """Of each grasp whether it is of a two-finger jaw, which is all that graspnetAPI's array can say."""
-    return [grasps.grippers[grasp.type].jaw for grasp in grasps]
+def left_out(grasps: Grasps) -> str | None:
+    """What graspnetAPI's array, which knows two-finger jaws alone, cannot say, in a line; None: it says all."""
+    left = len(grasps) - len(_jaws(grasps))
+    if not left:
+        return None
+    return f"graspnet.npy: {left} grasps left out, of types that are no two-finger jaw; the other files have them"
+
+
+def _jaws(grasps: Grasps) -> list[Grasp]:
+    return [grasp for grasp in grasps if grasps.grippers[grasp.type].jaw]
 
 
 def _json(grasps: Grasps, folder: Path) -> list[Path]:
@@ -74,8 +85,21 @@ def _graspnet(grasps: Grasps, folder: Path) -> list[Path]:
     from spgf_torch.formats.graspnet import joints_path, write_graspnet
 
     path = folder / "graspnet.npy"
-    write_graspnet(path, [grasp for grasp, jaw in zip(grasps, jaws(grasps), strict=True) if jaw], grasps.grippers)
+    write_graspnet(path, _jaws(grasps), grasps.grippers)
     return [path, joints_path(path)]
+
+
+def _glb(grasps: Grasps, folder: Path) -> list[Path]:
+    from spgf_torch.formats.glb import Surroundings, write_glb
+
+    path, beside = folder / "grasps.glb", None
+    if (source := grasps.source) is not None:
+        scene, T = source.scene, source.T_grasps_scene
+        seen = (scene.texlets.positions, scene.texlets.normals, scene.obstacles)
+        positions, normals, obstacles = (part.double().cpu().numpy() for part in seen)
+        beside = Surroundings(positions, normals, scene.spacing, obstacles, scene.table).transform(T)
+    write_glb(path, grasps, grasps.grippers, beside)
+    return [path]
 
 
 def _page(grasps: Grasps, folder: Path) -> list[Path]:
@@ -90,6 +114,7 @@ _WRITERS: dict[str, Callable[[Grasps, Path], list[Path]]] = {
     "isaac": _isaac,
     "moveit": _moveit,
     "graspnet": _graspnet,
+    "glb": _glb,
     PAGE: _page,
 }
 # Those that other programs read.

@@ -251,7 +251,7 @@ def make_grasp(
     Raises:
         InputError: a pose that is not rigid, a probability outside 0 to 1, a negative count.
     """
-    T = rigid(np.asarray(T_input_tcp, dtype=np.float64).tolist(), "T_input_tcp")
+    T = rigid_of(T_input_tcp, "T_input_tcp")
     back = np.eye(4)
     back[2, 3] = -number(retreat, "retreat", 0.0)
     votes = [(whole(prototype, "prototype"), whole(count, "votes")) for prototype, count in voted_by]

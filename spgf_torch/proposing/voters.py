@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
-import torch
+import numpy as np
 from torch import Tensor
 
 from spgf_torch.affordance.voting import VotingIndex
@@ -40,20 +41,22 @@ def voters_of_each(
 
     gain: (P,) f32 of each point of the index, `ranking.point_gains`.
     """
-    feature, grasp, cell = cell_pairs(voters.T_object_feature, T, index.grid.numbers)
-    types, learned = index.condensed.types, index.condensed
-    prototype = voters.prototype[feature]
-    point = index.find((prototype * types + grasp_type[grasp]).int(), cell)
-    cast = (point != NO_POINT).nonzero()[:, 0]
-    feature, grasp, point = feature[cast], grasp[cast], point[cast]
-    order = torch.argsort(gain[point], descending=True, stable=True)
-    order = order[torch.argsort(grasp[order], stable=True)]
+    pairs = cell_pairs(voters.T_object_feature, T, index.grid.numbers)
+    partition = voters.prototype.index_select(0, pairs[0]) * index.condensed.types
+    points = index.find((partition + grasp_type.index_select(0, pairs[1])).int(), pairs[2])
+    # From here on in numpy: torch would wake its threads for each of these few thousand numbers.
+    (feature, grasp), point = (column.cpu().numpy() for column in pairs[:2]), points.cpu().numpy()
+    cast = np.flatnonzero(point != NO_POINT)
+    gains = gain.cpu().numpy()[point[cast]]
+    order = cast[np.lexsort((-gains, grasp[cast]))]
     feature, point = feature[order], point[order]
-    at = voters.T_object_feature[feature].double()
-    columns = (
-        *(voters.texlet[feature], at[:, :3, 3], at[:, :3, 2], voters.prototype[feature]),
-        *(values[point] for values in (gain, learned.probability, learned.support)),
-    )
-    counts = torch.bincount(grasp, minlength=len(T)).tolist()
-    parts = zip(*(column.cpu().split(counts) for column in columns), strict=True)
-    return [records.Voters(*(part.numpy() for part in its)) for its in parts]
+    columns = [column[feature] for column in _of_features(voters)]
+    columns += [values.cpu().numpy()[point] for values in (gain, index.condensed.probability, index.condensed.support)]
+    ends = np.searchsorted(grasp[order], np.arange(len(T) + 1))
+    return [records.Voters(*(column[a:b] for column in columns)) for a, b in pairwise(ends.tolist())]
+
+
+def _of_features(voters: Voters) -> list[np.ndarray]:
+    """Texlet, position, normal and prototype of each, as `records.Voters` has them."""
+    at = voters.T_object_feature[:, :3, 2:].cpu().numpy().astype(np.float64)
+    return [voters.texlet.cpu().numpy(), at[..., 1], at[..., 0], voters.prototype.cpu().numpy()]

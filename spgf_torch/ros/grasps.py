@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from spgf_torch.errors import InputError
-from spgf_torch.files.checks import TOLERANCE, number, rigid
+from spgf_torch.files.checks import TOLERANCE, number, rigid_of
 from spgf_torch.files.writing import write_text
 from spgf_torch.hands.records import Grasp, Gripper, gripper_for
 from spgf_torch.ros.messages import Header, numbers, part, parts, plain_pose, plain_xyz, pose, xyz
@@ -72,7 +72,7 @@ def grasp_message(
         raise InputError(
             "frame: expected the name of the frame of the grasps, got an empty one (the object's in MoveIt)"
         )
-    parent = np.eye(4) if T_base_parent is None else rigid(np.asarray(T_base_parent).tolist(), "T_base_parent")
+    parent = np.eye(4) if T_base_parent is None else rigid_of(T_base_parent, "T_base_parent")
     approach = grasp.T_input_tcp[:3, 2]
     distance = float(np.linalg.norm(grasp.T_input_tcp[:3, 3] - grasp.T_input_pregrasp[:3, 3]))
     lift = -approach if up is None else np.asarray(up, dtype=np.float64) / np.linalg.norm(up)

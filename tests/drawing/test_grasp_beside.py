@@ -1,7 +1,7 @@
 """What a page shows beside grasps, gathered from a scene, a hand and prototypes."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from asymmetric import asymmetric
 from spgf_torch.drawing.grasp_beside import beside_of, model_words
 from spgf_torch.drawing.grasp_scene import Told
 from spgf_torch.hands.config import HandConfig
+from spgf_torch.hands.hand import load_hand
 from spgf_torch.scene.scene import Scene
 from spgf_torch.sensing.cameras import Camera, look_at
 from spgf_torch.sensing.unseen import DepthView
@@ -30,23 +31,23 @@ def test_a_view_tells_how_far_its_image_reaches(scene: Scene) -> None:
     K = np.array([[2.0, 0, 1.5], [0, 2, 0.5], [0, 0, 1]])
     camera = Camera(K, look_at(np.array([0.3, 0.0, 0.4]), np.zeros(3)), 4, 2)
     seen = replace(scene, views=(DepthView.of(np.ones((2, 4)), camera),))
-    ((place, axes, reach),) = beside_of(seen, [], {}).cameras
+    ((place, axes, reach),) = beside_of(seen, [], None).cameras
     np.testing.assert_allclose(place, [0.3, 0, 0.4], atol=1e-6)
     np.testing.assert_allclose(axes[:, 2], [-0.6, 0, -0.8], atol=1e-6)
     np.testing.assert_allclose(reach, [[-1, -0.5], [1, 0.5]], atol=1e-6)
 
 
 def test_without_images_the_places_are_known(scene: Scene) -> None:
-    ((place, axes, reach),) = beside_of(replace(scene, views=None), [], {}).cameras
+    ((place, axes, reach),) = beside_of(replace(scene, views=None), [], None).cameras
     assert place.tolist() == [0.3, 0.0, 0.4] and axes is None and reach is None
-    assert beside_of(replace(scene, views=None, viewpoints=None), [], {}).cameras == ()
+    assert beside_of(replace(scene, views=None, viewpoints=None), [], None).cameras == ()
 
 
 def test_hands_close_and_prototypes_have_pictures(scene: Scene) -> None:
     """Of the types and the prototypes that there are grasps and votes of, and of no others."""
     rings = np.full((9, 2, 8, 2), 45.0)
     beside = beside_of(
-        scene, [asymmetric("WPG")], asdict(settings(HandConfig)), rings_deg=rings, told=Told(lines=("a",))
+        scene, [asymmetric("WPG")], load_hand(settings(HandConfig)), rings_deg=rings, told=Told(lines=("a",))
     )
     assert sorted(beside.pictures) == [3, 7] and beside.pictures[3].startswith("<svg")
     assert list(beside.closing) == ["WPG"] and beside.closing["WPG"].shape[2:] == (4, 4)
@@ -55,7 +56,7 @@ def test_hands_close_and_prototypes_have_pictures(scene: Scene) -> None:
     )
     assert np.abs(beside.closing["WPG"][-1] - np.eye(4)).max() > 0.01
     assert beside.told.lines == ("a",) and beside.weighed == ()
-    assert beside_of(scene, [], {}).told.notes == scene.notes
+    assert beside_of(scene, [], None).told.notes == scene.notes
 
 
 def test_a_model_is_called_by_folder_and_digest(tmp_path: Path) -> None:

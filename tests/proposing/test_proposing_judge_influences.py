@@ -1,15 +1,21 @@
 """What moved a judge: a logistic form whose answer is known by hand."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
+from proposing_models import CONFIG, VOLUMES
 
 from spgf_torch.drawing.judge_words import SHOWN, WeighedNumber, weighed_words
+from spgf_torch.predictor import block
+from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.judge import KNOWN, Judge
-from spgf_torch.proposing.judge_features import NAMES
+from spgf_torch.proposing.judge_features import NAMES, Seen
 from spgf_torch.proposing.judge_influences import Numbers, Weight, weighed
+from spgf_torch.proposing.judge_proposer import JudgedProposer
 from spgf_torch.proposing.tree_ensembles import Logistic
+from spgf_torch.settings import plain, settings
 
 
 def form(weights: dict[str, float], baseline: float, names: tuple[str, ...]) -> Logistic:
@@ -36,6 +42,17 @@ def test_numbers_are_weighed_against_the_usual() -> None:
         assert [weight.name for weight in found] == ["anti_min", "width"]
         assert [weight.moved for weight in found] == pytest.approx([1.2, 0.6], abs=1e-4)
         assert found[1].value == 0.5 and math.isclose(found[1].usual, 0.2, abs_tol=1e-6)
+
+
+def test_a_judge_alone_tells_what_it_weighed() -> None:
+    """Without a model's votes, too: the numbers of each of its grasps, of a block."""
+    hypotheses = plain(settings(HypothesesConfig, seeds=8, hypotheses=200))
+    alone = JudgedProposer.alone(replace(judge({"width": 2.0}), settings={"hypotheses": hypotheses}), VOLUMES, CONFIG)
+    found = alone.propose(Seen(block(0.005), ()))
+    assert len(found.numbers) == len(found) > 1 and found.voters is None
+    width = [float(numbers.values[NAMES.index("width")]) for numbers in found.numbers]
+    probability = torch.sigmoid(2 * torch.tensor(width)) * torch.sigmoid(torch.tensor(40.0))
+    assert torch.allclose(found.probability, probability, atol=1e-5)
 
 
 def test_words_have_units() -> None:

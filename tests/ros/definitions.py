@@ -1,10 +1,15 @@
 """Message definitions of ROS 2, fields and types, and a check of dictionaries against them.
 
-std_msgs, geometry_msgs, sensor_msgs and trajectory_msgs are those of github.com/ros2/common_interfaces (CameraInfo at
-commit 27b84d3, Image 22012ae, PointField e05fcce, PointCloud2 202d9d8, JointTrajectory ba32be2, JointTrajectoryPoint
-14c2783), moveit_msgs those of github.com/moveit/moveit_msgs, branch ros2 (Grasp at commit 28ec33e). Those commits were
-read word for word; GripperTranslation in copies of others; and std_msgs, geometry_msgs and RegionOfInterest were
-written down without a file at hand.
+Each was compared with its source, and none differed.
+- github.com/ros2/common_interfaces: CameraInfo at commit 27b84d3, Image 22012ae, PointField e05fcce, PointCloud2
+  202d9d8, JointTrajectory ba32be2, JointTrajectoryPoint 14c2783, Vector3 and Vector3Stamped 14dded9, PoseArray and
+  PoseStamped b94a858 (in geometry_interfaces, their package before).
+- github.com/ros2/rcl_interfaces: Time and Duration at commit 401fd11.
+- github.com/moveit/moveit_msgs: Grasp at commit 28ec33e; GraspPlanning b5c61b7 and MoveItErrorCodes 1b6ec53, with which
+  `node` answers.
+- The documentation made from the packages: Header and Quaternion of foxy and galactic (docs.ros2.org),
+  GripperTranslation of jazzy (docs.ros.org), Point and RegionOfInterest (docs.clearpathrobotics.com, January 2026).
+- github.com/ros/common_msgs, which is ROS 1's: Pose at commit d4c69ab.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from matplotlib.colors import to_rgb
 
 from spgf_torch.drawing.prototype_rings import Ring, shading
 from spgf_torch.drawing.style import ALONG, LIGHT, MESH, TOWARDS, angle_colours, camera
+from spgf_torch.geometry.tangents import tangents
 
 PATCH = 0.012  # m; largest edge of a triangle that is sorted by depth
 STEP = 0.006  # m; longest piece of a line that is sorted by depth
@@ -116,7 +117,7 @@ def centre(size: float, colour: str) -> Pieces:
 
 def texlets(positions: np.ndarray, normals: np.ndarray, colours: np.ndarray, size: float = TEXLET) -> Pieces:
     """Surface patches (N, 3) m with unit normals (N, 3) as squares `size` m wide, shaded by the lamp."""
-    x, y = _across(normals)
+    x, y = tangents(normals)
     corners = positions[:, None] + size / 2 * np.stack([x + y, y - x, -x - y, x - y], axis=1)
     shade = 0.8 + 0.2 * np.clip(normals @ LIGHT, 0, 1)
     return faces(corners, np.asarray(colours) * shade[:, None])
@@ -135,11 +136,3 @@ def mesh(solid: trimesh.Trimesh, view: View, colour: str = MESH) -> Pieces:
     corners = fine.triangles[front]
     shade = 0.72 + 0.28 * np.clip(fine.face_normals[front] @ LIGHT, 0, 1)
     return faces(np.concatenate([corners, corners[:, -1:]], axis=1), shade[:, None] * to_rgb(colour))
-
-
-def _across(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two directions (N, 3) in the planes of unit normals (N, 3), at right angles."""
-    helper = np.where(np.abs(normals[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
-    x = np.cross(helper, normals)
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    return x, np.cross(normals, x)
