@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from spgf_torch import __version__
 from spgf_torch.cli.batch import run_each
 from spgf_torch.cli.command import command_line, run_command
 from spgf_torch.errors import InputError
@@ -54,7 +55,7 @@ def _doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> str 
 
 
 def _head(config: PredictConfig, predictor: Predictor, votes: Path | None, judge: Path | None) -> list[tuple[str, str]]:
-    """What a page says of itself: file, hand, model, date, command."""
+    """What a page says of itself: file, model, date, version, command."""
     from spgf_torch.drawing.grasp_beside import model_words
 
     files = config.input if isinstance(config.input, list) else [config.input]
@@ -63,6 +64,7 @@ def _head(config: PredictConfig, predictor: Predictor, votes: Path | None, judge
         "file": ", ".join(Path(str(file)).name for file in files),
         "model": ", judge ".join(map(model_words, folders)),
         "date": time.strftime("%Y-%m-%d %H:%M"),
+        "version": f"spgf_torch {__version__}",
         "command": command_line(),
     }
     return [(name, words) for name, words in head.items() if words]

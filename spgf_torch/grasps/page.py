@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spgf_torch import __version__
 from spgf_torch.drawing.grasp_beside import beside_of
 from spgf_torch.drawing.grasp_page import write_scene_page
 from spgf_torch.drawing.grasp_scene import Told
@@ -27,7 +26,7 @@ def write_page(
     """Write `grasps.png` and `index.html`, in the scene's frame.
 
     Args:
-        head: name and value of what the page says of itself beside hand and version; `file` is in its title.
+        head: name and value of what the page says of itself beside the hand; `file` is in its title.
         lines: of plain text, on how the grasps came about. doubts: why there is none, or none that is sure.
 
     Returns the paths; none where nothing was seen that can be drawn.
@@ -41,9 +40,7 @@ def write_page(
     shown = grasps if np.array_equal(T_scene_grasps, np.eye(4)) else grasps.transform(T_scene_grasps)
     judge = None if model.judged is None else model.judged.judge
     rings = None if model.model is None or model.model.descriptor != "spgf" else model.model.rings_deg()
-    own = [("version", f"spgf_torch {__version__}")]
-    if model.hand is not None:
-        own.insert(0, ("hand", model.hand.config.name))
+    own = () if model.hand is None else (("hand", model.hand.config.name),)
     told = Told((*own, *head), tuple(lines), tuple(doubts), scene.notes)
     beside = beside_of(scene, shown, model.hand, judge, rings, told)
     positions, normals = scene.texlets.positions.double().numpy(), scene.texlets.normals.double().numpy()
