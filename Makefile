@@ -83,4 +83,6 @@ docs: $(READY)
 # The parts of three.js that the grasp page carries, from pinned versions; node and npm are needed for this alone. Which
 # parts: docs/tools/viewer/three_parts.js.
 viewer:
-	cd docs/tools/viewer && npm install --no-package-lock --no-audit --no-fund --silent && npm run --silent bundle
+	work=$$(mktemp -d) && cp docs/tools/viewer/* $$work && \
+	(cd $$work && npm install --no-package-lock --no-audit --no-fund --silent && npm run --silent bundle) && \
+	cp $$work/three.min.js $$work/three.LICENSE spgf_torch/drawing/viewer && rm -r $$work
