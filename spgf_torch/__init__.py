@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from spgf_torch.prototypes.estimator import Prototypes
     from spgf_torch.scene.scene import Scene
     from spgf_torch.sensing.texlets import Texlets
+    from spgf_torch.training.api import train
 
 __all__ = [
     "SPGF",
@@ -37,6 +38,7 @@ __all__ = [
     "__version__",
     "load",
     "load_hand_file",
+    "train",
 ]
 __version__ = "0.1.0"  # pyproject.toml reads it here
 
@@ -51,6 +53,7 @@ _HOMES = {
     "Prototypes": "spgf_torch.prototypes.estimator",
     "Scene": "spgf_torch.scene.scene",
     "Texlets": "spgf_torch.sensing.texlets",
+    "train": "spgf_torch.training.api",
 }
 
 # OpenMP threads that spin while they wait make torch many times slower as soon as another process needs the
@@ -85,16 +88,17 @@ def _uncollected() -> Iterator[None]:
 def load(
     folder: str | Path, device: str = "cpu", judge: str | Path | None = None, proposing: str | None = None
 ) -> Predictor:
-    """Load what `train` or `judge` left in `folder`, and the hand that it was learned for.
+    """Load the model in `folder`, or of that name, and the hand that it was learned for.
 
     A judge in the folder proposes, and ranks by probability; so does one of the same hand in the folder `judge`. With
     `judge="none"` the votes do, as they do where there is no judge. The first prediction takes seconds more than the
     others; `load(folder).ready()` has that done now, such as before a robot's first cloud comes.
 
     Args:
-        folder: such as `outputs/train/latest`, or `data/judge/panda`, which comes with the package.
+        folder: a folder, the name of a model (`models/NAME`, or one that comes with the package, as `panda` does), or
+            `latest`: what `train` did last.
         device: `cpu`, or an accelerator that torch knows, such as `cuda`.
-        judge: the folder of a judge, or `none`.
+        judge: name or folder of a judge, or `none`.
         proposing: `clutter`: what is planned for is a whole table of things, or stands among others (conf/proposing).
 
     Raises:
@@ -103,7 +107,7 @@ def load(
     A ball of 3 cm radius, seen from all around:
 
     >>> import spgf_torch, torch
-    >>> model = spgf_torch.load("data/judge/panda")
+    >>> model = spgf_torch.load("panda")
     >>> outwards = torch.nn.functional.normalize(torch.randn(20000, 3, generator=torch.Generator().manual_seed(0)))
     >>> scene = spgf_torch.Scene.from_points((0.03 * outwards).numpy(), normals=outwards.numpy())
     >>> grasps = model.predict(scene, top=3)

@@ -22,6 +22,11 @@ PACKAGES = {
     "xacrodoc": ("xacrodoc", "hands"),
     "collada": ("pycollada", "hands"),
     "mujoco": ("MuJoCo", "mujoco"),
+    "starlette": ("Starlette", "serve"),
+    "uvicorn": ("uvicorn", "serve"),
+    "python_multipart": ("python-multipart", "serve"),
+    "prometheus_client": ("prometheus-client", "serve"),
+    "viser": ("viser", "view"),
 }
 
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from spgf_torch.cli.command import run_command, write_settings
+from spgf_torch.cli.command import run_command
 from spgf_torch.errors import InputError
 from spgf_torch.extras import installed, remedy
+from spgf_torch.files.run_settings import write_settings
 from spgf_torch.handcheck.config import HandCheckConfig
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.progress import ProgressReporter, show

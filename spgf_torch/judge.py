@@ -30,7 +30,8 @@ def run(config: JudgeConfig, folder: Path) -> None:
     from spgf_torch.cache import Cache
     from spgf_torch.evaluation.tables import hopeless_types
     from spgf_torch.handcheck.standing import tried_hand
-    from spgf_torch.judging.judge_training import TRIALS, Course, write_tables
+    from spgf_torch.judging.judge_training import Course
+    from spgf_torch.judging.making_trials import TRIALS, write_tables
     from spgf_torch.judging.scene_validation import scenes_table
     from spgf_torch.judging.settings import stages as plan
     from spgf_torch.judging.validation import executed_table

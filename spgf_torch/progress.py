@@ -108,6 +108,34 @@ class ProgressReporter:
         console.print(f"{_label}{name:12} {done:6d} {unit:10} done in {taken:6.1f} s{note()}{overall}")
 
 
+class ReportedProgress(ProgressReporter):
+    """The same in a program, which prints nothing: a function hears of each step instead, if there is one.
+
+    Args:
+        heard: called with the name of the stage, how many of its steps are done, and of how many.
+    """
+
+    def __init__(self, heard: Callable[[str, int, int], Any] | None = None) -> None:
+        super().__init__()
+        self.heard = heard
+
+    @contextmanager
+    def stage(
+        self, name: str, total: int, unit: str = "", note: Callable[[], str] = str
+    ) -> Iterator[Callable[[int], None]]:
+        """As `ProgressReporter.stage`."""
+        start, done = time.perf_counter(), 0
+
+        def advance(steps: int = 1) -> None:
+            nonlocal done
+            done += steps
+            if self.heard is not None:
+                self.heard(name, done, total)
+
+        yield advance
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
 def show(content: Any) -> None:
     """Print a table or a line, as it is, on stdout; where that is no terminal, tables get the width they need."""
     out = Plain(soft_wrap=isinstance(content, str))

@@ -80,14 +80,15 @@ def test_what_is_installed_is_not_asked_for() -> None:
 
 
 def test_modules_import_what_an_extra_brings_only_when_it_is_used() -> None:
-    """But for those that learn judges and run MuJoCo, which commands import once they have asked."""
+    """But for those that learn judges, run MuJoCo and serve, which commands import once they have asked."""
     found = set()
     for path in (ROOT / "spgf_torch").rglob("*.py"):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             found |= {path.name for name in names if name.split(".")[0] in PACKAGES}
-    assert found == {"learning.py", "model.py", "trial.py"}
+    served = {"app.py", "bodies.py", "metrics.py", "middleware.py", "predictions.py", "server.py"}
+    assert found == {"learning.py", "model.py", "trial.py"} | served
 
 
 def test_extras_bring_what_is_said_of_them() -> None:
@@ -95,10 +96,10 @@ def test_extras_bring_what_is_said_of_them() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = {name: " ".join(wanted) for name, wanted in project["optional-dependencies"].items()}
     for module, (known, extra) in PACKAGES.items():
-        package = {"sklearn": "scikit-learn", "collada": "pycollada"}.get(module, module)
+        package = {"sklearn": "scikit-learn", "collada": "pycollada"}.get(module, module.replace("_", "-"))
         assert f"{package}>=" in extras[extra] or f"{package}-cpu>=" in extras[extra], known
         assert not any(required.startswith(package) for required in project["dependencies"]), known
     assert (
-        extras["all"] == "spgf-torch[export,report,judge,sweep,cluster,hands,mujoco]"
+        extras["all"] == "spgf-torch[export,report,judge,sweep,cluster,hands,mujoco,serve,view]"
         and "spgf-torch[all,docs]" in extras["dev"]
     )

@@ -52,9 +52,14 @@ class OtherRun:
         return Counts(*np.array(rows, dtype=np.int64).reshape(-1, 3).T)
 
     @property
-    def scenes(self) -> list[tuple[int, str]]:
+    def scenes(self) -> list[tuple[int, list[str]]]:
         """Seed and objects of each."""
-        return [(int(row["seed"]), str(row["names"])) for row in self.results["per_scene"]]
+        return [(int(row["seed"]), _names(row["names"])) for row in self.results["per_scene"]]
+
+
+def _names(told: list[str] | str) -> list[str]:
+    """Of the objects in a scene; older runs have them in one text."""
+    return told.split() if isinstance(told, str) else list(told)
 
 
 def beside(ours: Mapping[str, Any], others: Sequence[OtherRun], config: ClutterConfig) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -141,7 +142,7 @@ def rates(results: Mapping[str, Any], name: str) -> MethodRates:
 
 
 def scene_row(scene: ClearedScene) -> Row:
-    """A row of `scenes.csv`."""
+    """A row of `scenes.csv`; `names`: of the objects that it began with."""
     its = scene.round
     return {
         "scene": scene.number,
@@ -151,7 +152,7 @@ def scene_row(scene: ClearedScene) -> Row:
         "cleared": its.cleared,
         "attempts": len(its.attempts),
         "ended": its.ended,
-        "names": " ".join(obj.name for obj in its.objects),
+        "names": [obj.name for obj in its.objects],
     }
 
 
@@ -181,7 +182,7 @@ def attempt_rows(scene: ClearedScene) -> list[Row]:
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]], digits: int = 6) -> str:
-    """A line each below the names of the columns; nothing of no rows. NaN and None are empty."""
+    """A line each below the names of the columns; nothing of no rows. NaN and None are empty, lists are JSON."""
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=list(rows[0]) if rows else [], lineterminator="\n")
     writer.writeheader()
@@ -192,4 +193,6 @@ def csv_text(rows: Sequence[Mapping[str, Any]], digits: int = 6) -> str:
 def _cell(value: Any, digits: int) -> Any:
     if value is None or (isinstance(value, float) and np.isnan(value)):
         return ""
+    if isinstance(value, list):
+        return json.dumps(value)
     return round(value, digits) if isinstance(value, float) else value

@@ -8,12 +8,10 @@ import re
 import shlex
 import sys
 from collections.abc import Callable
-from dataclasses import asdict
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
-import yaml
 from hydra import main as hydra_main
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
@@ -28,10 +26,11 @@ from spgf_torch.cli.help_text import help_text
 from spgf_torch.cli.json_report import json_on_stdout
 from spgf_torch.cli.multirun import Multirun
 from spgf_torch.cli.options import as_overrides
-from spgf_torch.cli.run_folder import SETTINGS, claimed, finished, moved, point_latest
+from spgf_torch.cli.run_folder import claimed, finished, moved, point_latest
 from spgf_torch.errors import IncompleteError, InputError, one_line
 from spgf_torch.extras import install
 from spgf_torch.files.reading import reason
+from spgf_torch.files.run_settings import write_settings
 from spgf_torch.paths import root
 from spgf_torch.progress import show
 from spgf_torch.settings import typed
@@ -206,12 +205,6 @@ def _in_run_folder(composed: DictConfig, kind: type[T], run: Callable[[T, Path],
             raise
     _point(folder)
     return folder
-
-
-def write_settings(folder: Path, config: Any) -> None:
-    """The settings of a run, into its folder."""
-    settings = yaml.safe_dump(asdict(config), sort_keys=False, allow_unicode=True, width=float("inf"))
-    (folder / SETTINGS).write_text(settings, encoding="utf-8")
 
 
 def _point(folder: Path) -> None:

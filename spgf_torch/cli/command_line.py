@@ -49,6 +49,7 @@ NUMBERS = frozenset(["intrinsics", "poses"])
 # What a command is about: where a word without a key belongs.
 SUBJECT = {
     "predict": "input",
+    "view": "input",
     "report": "runs",
     "compare": "runs",
     "export": "format",

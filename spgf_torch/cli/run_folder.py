@@ -18,9 +18,9 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
 from spgf_torch.errors import InputError, one_line
+from spgf_torch.files.run_settings import SETTINGS
 from spgf_torch.progress import console
 
-SETTINGS = "config.yaml"
 # Keys of Hydra that move a run's folder from its usual place, where no other run writes.
 MOVED = ("hydra.run.dir=", "hydra.sweep.dir=", "hydra.sweep.subdir=", "hydra.job.name=")
 # What Hydra writes into its own folder in a run's (hydra.output_subdir).

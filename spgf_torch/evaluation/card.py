@@ -8,9 +8,9 @@ from typing import Any
 from spgf_torch.affordance.config import NESTED
 from spgf_torch.evaluation import paper
 from spgf_torch.evaluation.reliability import score_table
-from spgf_torch.evaluation.results import KNOWS_MORE, chosen_words
+from spgf_torch.evaluation.results import KNOWS_MORE, NO_RATES, chosen_words
 from spgf_torch.evaluation.success import ALL
-from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.experiment.config import TrainConfig, is_recorded
 from spgf_torch.files.card_header import card_header
 from spgf_torch.objects.config import CLASSES
 
@@ -50,9 +50,9 @@ def model_card(results: Mapping[str, Any], config: TrainConfig, objects: int, tr
 Written by `python -m spgf_torch.train` from the run beside it; every setting is in `config.yaml`.
 
 ## Data
-{objects} objects (`{config.objects}`), {trials:,} simulated trials (`{config.trials}`), dataset
-`{results["dataset"][:16]}`. {sensing.cameras} simulated depth camera(s) at {sensing.distance:g} m with noise; seed
-{config.seed}.
+{objects} object{"s" * (objects > 1)}, {trials:,} {"recorded" if is_recorded(config.trials) else "simulated"} trials \
+(`{config.trials}`), dataset `{results["dataset"][:16]}`.
+{_seen(config)} by {sensing.cameras} simulated depth camera(s) at {sensing.distance:g} m with noise; seed {config.seed}.
 
 ## Settings
 {_dictionary(results)}{config.K} prototypes of {described} of {1000 * config.features.radius:g} mm radius;
@@ -61,10 +61,29 @@ shape-grasp particles within {1000 * affordance.reach:g} mm, neighbourhoods of {
 {size / 1e6:.0f} MB.
 
 ## Results on novel objects
-{config.folds}-fold cross-validation over objects: success-rate (%) of the {config.N} highest-ranked grasps, with its
-95 % interval over objects. One seed ({config.seed}): other folds, noise and draws would move the rates, and are not in
-the intervals. CG: all grasp types in one ranking. The model in this folder learned from all objects; these rates are of
-its siblings in the folds.
+{_measured(results, config) if NO_RATES not in results else _unmeasured(results, objects)}
+
+## Intended use
+{USE}
+
+## Limits
+{LIMITS}
+"""
+
+
+def _seen(config: TrainConfig) -> str:
+    which = f"`{config.objects}`"
+    if is_recorded(config.trials):
+        return f"What has a recorded cloud was seen by a real camera, other objects, of {which},\nare seen"
+    return f"The objects of {which} are seen"
+
+
+def _measured(results: Mapping[str, Any], config: TrainConfig) -> str:
+    return f"""\
+{results["folds"]}-fold cross-validation over objects: success-rate (%) of the {config.N} highest-ranked grasps, with
+its 95 % interval over objects. One seed ({config.seed}): other folds, noise and draws would move the rates, and are not
+in the intervals. CG: all grasp types in one ranking. The model in this folder learned from all objects; these rates are
+of its siblings in the folds.
 
 Ranked as in the paper.{_other_data(config)}
 
@@ -77,14 +96,13 @@ Ranked as in the paper.{_other_data(config)}
 Probabilities of success on the candidates of novel objects, beside those of a predictor that knows how often candidates
 with and without a sensed collision succeed, and nothing else:
 
-{_calibration(results)}
+{_calibration(results)}"""
 
-## Intended use
-{USE}
 
-## Limits
-{LIMITS}
-"""
+def _unmeasured(results: Mapping[str, Any], objects: int) -> str:
+    known = "not calibrated" if objects == 1 else "calibrated on these objects alone, each held out once"
+    return f"""\
+Not measured: {results[NO_RATES]}. Its probabilities are {known}."""
 
 
 def _dictionary(results: Mapping[str, Any]) -> str:

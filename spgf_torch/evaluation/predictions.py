@@ -31,8 +31,8 @@ from spgf_torch.objects.config import CLASSES
 
 if TYPE_CHECKING:
     from spgf_torch.affordance.ranking import GraspScores
-    from spgf_torch.objects.grasp_object import GraspObject
-    from spgf_torch.simulation.table import TrialTable
+    from spgf_torch.experiment.describe import TriedGrasps
+    from spgf_torch.experiment.named import Identity
 
 MOST_ROWS = 20_000_000  # of an experiment: a hundred objects with 100,000 candidates of each type
 POSE = ("px", "py", "pz", "qw", "qx", "qy", "qz")
@@ -69,7 +69,7 @@ class Predictions:
     grasp_types: tuple[str, ...]
 
     @staticmethod
-    def of(obj: GraspObject, table: TrialTable, scores: GraspScores, fold: int) -> Predictions:
+    def of(obj: Identity, table: TriedGrasps, scores: GraspScores, fold: int) -> Predictions:
         """What was predicted on an object, beside what became of its grasps."""
         return Predictions(
             name=obj.name,

@@ -30,6 +30,12 @@ if TYPE_CHECKING:
     from spgf_torch.evaluation.predictions import Predictions
 
 SCHEMA = 1
+# Key of results without rates: why there are none. What is null there.
+NO_RATES = "no_rates"
+RATES = (
+    *("success_rate", "interval95", "by_ranking", "interval95_by_ranking", "random", "random_collision_free"),
+    *("ceiling", "chosen", "calibration", "calibration_free"),
+)
 # Said wherever the ranking `nested` stands beside the paper's.
 KNOWS_MORE = (
     "Our ranking, nested, is chosen inside the training folds, and knows more than the paper's: which grasps begin in "
@@ -70,15 +76,7 @@ def build_results(objects: Sequence[Predictions], config: TrainConfig, dataset: 
     }
     random = class_means(classes, [{name: r.random[name] for name in types} for r in rates])
     return {
-        "schema": SCHEMA,
-        "hand": config.hand.name,
-        "grasp_types": list(types),
-        "K": config.K,
-        "N": config.N,
-        "seed": config.seed,
-        "classwise": config.classwise,
-        "folds": len({o.fold for o in objects}),  # fewer than asked for where there are fewer objects
-        "ranking": config.ranking,
+        **_head(config, types, folds=len({o.fold for o in objects})),
         "success_rate": by_ranking[config.ranking],
         "interval95": intervals[config.ranking],
         "by_ranking": by_ranking,
@@ -91,6 +89,31 @@ def build_results(objects: Sequence[Predictions], config: TrainConfig, dataset: 
         "calibration_free": calibration_block(objects, free=True),
         "dataset": dataset,
         **(judge_blocks(objects, rankings, config) if JUDGE in rankings else {}),
+    }
+
+
+def unmeasured_results(types: Sequence[str], config: TrainConfig, dataset: str, why: str) -> dict[str, Any]:
+    """The same of a run that measured nothing on novel objects: null in the place of each rate, and why in words."""
+    return {
+        **_head(config, types, folds=0),
+        **dict.fromkeys(RATES),
+        NO_RATES: why,
+        "dataset": dataset,
+    }
+
+
+def _head(config: TrainConfig, types: Sequence[str], folds: int) -> dict[str, Any]:
+    """What a run was: `folds` may be fewer than asked for where there are fewer objects."""
+    return {
+        "schema": SCHEMA,
+        "hand": config.hand.name,
+        "grasp_types": list(types),
+        "K": config.K,
+        "N": config.N,
+        "seed": config.seed,
+        "classwise": config.classwise,
+        "folds": folds,
+        "ranking": config.ranking,
     }
 
 
@@ -140,7 +163,7 @@ def calibration_block(objects: Sequence[Predictions], free: bool) -> dict[str, d
 
 
 def read_results(path: Path) -> dict[str, Any]:
-    """The content of a `results.json` of `train`. Raises InputError where it is missing or not one."""
+    """The content of a `results.json` of `train`. Raises InputError where it is missing, not one, or without rates."""
     if not path.is_file():
         raise InputError(f"{path}: expected the results of a run of train, got no such file")
     content = json_values(path, "the results of a run of train (interrupted?) as JSON", sealed=True)
@@ -148,6 +171,8 @@ def read_results(path: Path) -> dict[str, Any]:
     rates = content.get("success_rate") if isinstance(content, dict) else None
     if schema != SCHEMA or isinstance(schema, bool):
         raise InputError(f"{path}: expected results of schema {SCHEMA}, got schema {str(schema)[:40]}")
+    if rates is None and isinstance(why := content.get(NO_RATES), str):
+        raise InputError(f"{path}: success_rate: expected rates on novel objects, got none: {why}")
     if not isinstance(rates, dict) or not set(CLASSES) & set(rates):
         raise InputError(f"{path}: success_rate: expected rates of {', '.join(CLASSES)}; got {str(rates)[:40]}")
     return content

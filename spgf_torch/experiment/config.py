@@ -40,9 +40,13 @@ class TrainConfig(ObjectsConfig):
     judge: str = field(default="none", metadata={"choice": ("none", "learn")})
     own_trials: str | None = text(None)
     judging: dict[str, Any] = field(default_factory=dict)
+    random_trials: int = bounded(1, 1_000_000, 300)
+    recorded: dict[str, Any] = field(default_factory=dict)
     runner: str = field(default="local", metadata={"choice": ("local", "dask")})
     address: str | None = text(None)
     device: str = text()
+    name: str | None = text(None)
+    replace: bool = field(default=False)
     cache: str | None = text()
     cache_gb: float = bounded(0.0, 1e6)
     sensing: SensingConfig = field(default_factory=SensingConfig)
@@ -79,3 +83,12 @@ class EvaluateConfig(ObjectsConfig):
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
     mujoco: MujocoConfig = field(default_factory=MujocoConfig)
     proposing: ProposingConfig = field(default_factory=ProposingConfig)
+
+
+# What the names of files of recorded trials end with.
+TABLES = (".parquet", ".csv")
+
+
+def is_recorded(trials: str) -> bool:
+    """Whether `trials` names a table of recorded trials; a folder is what `simulate` leaves."""
+    return trials.lower().endswith(TABLES)

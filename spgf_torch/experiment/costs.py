@@ -9,16 +9,15 @@ from statistics import median
 
 from spgf_torch.affordance.model import GraspModel
 from spgf_torch.cache import Cache
-from spgf_torch.experiment.describe import CachedSteps, Describer, GraspPoses
+from spgf_torch.experiment.describe import CachedSteps, Describer, GraspPoses, Seen
 from spgf_torch.experiment.loaded_model import LoadedModel
-from spgf_torch.objects.grasp_object import GraspObject
 
 # Objects that are predicted on: seconds in all, and the median is not one object's.
 OBJECTS = 5
 
 
 def prediction_ms(
-    model: GraspModel, describer: Describer, objects: Sequence[GraspObject], tried: Sequence[GraspPoses]
+    model: GraspModel, describer: Describer, objects: Sequence[Seen], tried: Sequence[GraspPoses]
 ) -> float:
     """Milliseconds from an object's texlets to the scores of all its tried grasps: the median over a few objects.
 
@@ -31,7 +30,7 @@ def prediction_ms(
     return 1000 * median(_seconds(loaded, objects[i], tried[i]) for i in chosen)
 
 
-def _seconds(loaded: LoadedModel, obj: GraspObject, tried: GraspPoses) -> float:
+def _seconds(loaded: LoadedModel, obj: Seen, tried: GraspPoses) -> float:
     steps = CachedSteps(loaded.describer, obj, tried)
     _ = steps.texlets
     start = time.perf_counter()

@@ -1,7 +1,7 @@
 """Cross-validation inside the training folds: how probabilities are calibrated and a ranking is chosen.
 
 One training fold at a time is held out from the others, of which prototypes and the shape-grasp space are learned anew
-(`experiment.Design.inner_folds`). What they say of its grasps calibrates probabilities. To choose the ranking, each
+(`design.Design.inner_folds`). What they say of its grasps calibrates probabilities. To choose the ranking, each
 held-out fold has probabilities that the others calibrated: no ranking is judged on grasps that it was fitted to.
 """
 

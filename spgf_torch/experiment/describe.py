@@ -19,6 +19,7 @@ from spgf_torch.affordance.pairs import PosePairs, pose_pairs
 from spgf_torch.affordance.sensed_collision import HandVolume, sensed_collision
 from spgf_torch.cache import Cache, code_fingerprint, fingerprint
 from spgf_torch.experiment.described_object import DescribedObject
+from spgf_torch.experiment.recorded_view import RecordedView
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import descriptor, library
 from spgf_torch.features.interface import VectorFeatures
@@ -32,6 +33,8 @@ from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.threads import in_parts
 
 T = TypeVar("T")
+# What can be described: a body, which is sensed here, or what a camera saw of one.
+Seen = GraspObject | RecordedView
 
 # Objects described at once, at most: numpy, torch and embree let go of the interpreter while they work.
 THREADS = 2
@@ -63,6 +66,18 @@ class GraspPoses(Protocol):
     def grasp_type(self) -> Tensor: ...
 
 
+class TriedGrasps(GraspPoses, Protocol):
+    """Grasps on one object and how each ended: in simulation (`TrialTable`), or with a robot (`RecordedTrials`)."""
+
+    @property
+    def success(self) -> Tensor: ...
+
+    @property
+    def grasp_types(self) -> tuple[str, ...]: ...
+
+    def __len__(self) -> int: ...
+
+
 class Elsewhere(Protocol):
     """Where objects are described, if not here (`cluster.Cluster`)."""
 
@@ -90,7 +105,7 @@ class Describer:
         return tuple(sorted(self.volumes))
 
     def describe(
-        self, objects: Sequence[GraspObject], grasps: Sequence[GraspPoses], stages: ProgressReporter
+        self, objects: Sequence[Seen], grasps: Sequence[GraspPoses], stages: ProgressReporter
     ) -> list[DescribedObject]:
         """Sense objects, compute features, look for collisions; a stage of progress each.
 
@@ -100,7 +115,7 @@ class Describer:
         return [each for block in blocks for each in self._described(objects[block], grasps[block], stages)]
 
     def _described(
-        self, objects: Sequence[GraspObject], grasps: Sequence[GraspPoses], stages: ProgressReporter
+        self, objects: Sequence[Seen], grasps: Sequence[GraspPoses], stages: ProgressReporter
     ) -> list[DescribedObject]:
         all_steps = [CachedSteps(self, *each) for each in zip(objects, grasps, strict=True)]
 
@@ -141,11 +156,11 @@ class CachedSteps:
     A step's key holds the keys of the steps before it, so nothing need be sensed to find what was made of it.
     """
 
-    def __init__(self, settings: Describer, obj: GraspObject, grasps: GraspPoses) -> None:
+    def __init__(self, settings: Describer, obj: Seen, grasps: GraspPoses) -> None:
         self.settings, self.obj, self.grasps = settings, obj, grasps
         self.made: set[str] = set()
         self.given: dict[str, dict[str, Tensor]] = {}  # made elsewhere, by step
-        surface = (obj.name, obj.mesh.vertices, obj.mesh.faces)
+        surface: Any = obj.digest if isinstance(obj, RecordedView) else (obj.name, obj.mesh.vertices, obj.mesh.faces)
         device, seed, poses = (
             torch.device(settings.device).type,
             settings.seed,
@@ -162,10 +177,11 @@ class CachedSteps:
 
     @cached_step
     def texlets(self) -> Texlets:
-        """What the cameras see, on the CPU."""
-        return Texlets(
-            **self._kept("texlets", lambda: vars(sense(self.obj, self.settings.sensing, self.settings.seed)))
-        )
+        """What the cameras see, or saw, on the CPU."""
+        if isinstance(self.obj, RecordedView):
+            return self.obj.texlets
+        body = self.obj
+        return Texlets(**self._kept("texlets", lambda: vars(sense(body, self.settings.sensing, self.settings.seed))))
 
     @cached_step
     def features(self) -> VectorFeatures:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from spgf_torch.affordance.joined_pairs import JoinedPairs
 from spgf_torch.affordance.pairs import Pairs
 from spgf_torch.affordance.particles import known_outcomes
 from spgf_torch.prototypes.constellations import Surroundings
@@ -46,6 +47,17 @@ class DescribedObject:
     def outcomes(self) -> Tensor:
         """(G,) bool: `success`. Raises ValueError where nobody tried the grasps."""
         return known_outcomes(self.success)
+
+    @staticmethod
+    def joined(parts: Sequence[DescribedObject]) -> DescribedObject:
+        """One object of what was seen of it in several clouds, each with its own grasps, in their order."""
+        if len(parts) == 1:
+            return parts[0]
+        pairs = JoinedPairs([part.pairs for part in parts], [len(part.relations) for part in parts])
+        relations, collides, success = (
+            torch.cat([getattr(part, name) for part in parts]) for name in ("relations", "collides", "outcomes")
+        )
+        return DescribedObject(relations, pairs, collides, parts[0].grasp_types, success)
 
     def with_success(self, success: Tensor) -> DescribedObject:
         """With the outcomes (G,) bool of its grasps."""

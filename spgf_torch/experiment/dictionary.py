@@ -18,10 +18,10 @@ from torch import Tensor
 from spgf_torch.affordance.model import GraspModel, load_model
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig
-from spgf_torch.experiment.experiment import Design
+from spgf_torch.experiment.design import Design
 from spgf_torch.experiment.held_out import FOLDER, LIST, FoldModels, load_fold_models
-from spgf_torch.objects.grasp_object import GraspObject
-from spgf_torch.paths import find
+from spgf_torch.experiment.named import Identity
+from spgf_torch.files.given_paths import model_folder
 from spgf_torch.settings import plain
 
 
@@ -57,17 +57,17 @@ class Dictionary:
 def check_dictionary(config: TrainConfig) -> None:
     """Raise InputError where the model in `config.prototypes_from` is damaged, or of other features or another K."""
     if config.prototypes_from is not None:
-        _check(config, load_model(find(config.prototypes_from), config.device))
+        _check(config, load_model(model_folder(config.prototypes_from, "prototypes_from"), config.device))
 
 
-def load_dictionary(config: TrainConfig, design: Design, objects: Sequence[GraspObject]) -> Dictionary | None:
+def load_dictionary(config: TrainConfig, design: Design, objects: Sequence[Identity]) -> Dictionary | None:
     """The prototypes of the model in `config.prototypes_from`; None where it is not set.
 
     Raises InputError where there is none or it is damaged; `check_dictionary` says before whether it fits.
     """
     if config.prototypes_from is None:
         return None
-    folder = find(config.prototypes_from)
+    folder = model_folder(config.prototypes_from, "prototypes_from")
     model = load_model(folder, config.device)
     same = _same_folds(folder, config, design, objects)
     of_fold = {fold: each.centres for fold, each in same.items()}
@@ -95,7 +95,7 @@ def _check(config: TrainConfig, model: GraspModel) -> None:
 
 
 def _same_folds(
-    folder: Path, config: TrainConfig, design: Design, objects: Sequence[GraspObject]
+    folder: Path, config: TrainConfig, design: Design, objects: Sequence[Identity]
 ) -> dict[int, GraspModel]:
     """For each fold the model of `folder` that has seen none of the objects novel there; empty unless all have one."""
     if not (folder / FOLDER / LIST).is_file():

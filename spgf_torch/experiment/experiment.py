@@ -6,9 +6,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -19,69 +18,16 @@ from spgf_torch.cache import Cache
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.cross_validation import calibrate, calibrated_elsewhere, choose
 from spgf_torch.experiment.described_object import DescribedObject, Made
+from spgf_torch.experiment.design import Design
 from spgf_torch.experiment.learning import PrototypeFit, learn_model, side_by_side
+from spgf_torch.experiment.named import Identity, Named, named
 from spgf_torch.experiment.training_space import TrainingSpace
-from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.prototypes.constellations import constellations
 from spgf_torch.prototypes.kmeans import assign
 from spgf_torch.settings import plain
 
 R = TypeVar("R")
-
-
-@dataclass(frozen=True)
-class Design:
-    """Which objects teach and which are novel.
-
-    Attributes:
-        fold: (objects,) int, the fold in which each object is novel.
-        order: (objects,) int, the order in which objects are taken where not all may teach.
-        limit: how many objects may teach.
-        part: (objects,) int, within which alone objects learn from one another, and folds are; None: all from all.
-    """
-
-    fold: np.ndarray
-    order: np.ndarray
-    limit: int
-    part: np.ndarray | None = None
-
-    @property
-    def tests(self) -> list[int]:
-        """The folds, each of which is novel once."""
-        return np.unique(self.fold).tolist()
-
-    def novel(self, test: int) -> list[int]:
-        """Objects of the fold `test`."""
-        return np.flatnonzero(self.fold == test).tolist()
-
-    def training(self, test: int | None) -> list[int]:
-        """Objects that teach what is used on the fold `test` (None: of all folds), in their own order."""
-        allowed = [i for i in self.order.tolist() if self.fold[i] != test]
-        if self.part is not None and test is not None:
-            part = self.part[self.novel(test)[0]]
-            allowed = [i for i in allowed if self.part[i] == part]
-        return sorted(allowed[: self.limit])
-
-    def groups(self, test: int) -> list[list[int]]:
-        """The same by fold; a single fold in two halves, so that one can be held out."""
-        train = self.training(test)
-        groups = [[i for i in train if self.fold[i] == f] for f in self.tests]
-        groups = [group for group in groups if group]
-        return groups if len(groups) > 1 else [train[::2], train[1::2]]
-
-    def inner_folds(self) -> dict[tuple[int, ...], list[tuple[int, int]]]:
-        """Who teaches in the cross-validations inside the training folds, and who is held out from them.
-
-        Objects that teach -> pairs of a test fold and an object that is held out for its sake. What teaches without
-        the folds 1 and 2 serves both: objects of 2 are held out for the test fold 1, those of 1 for 2.
-        """
-        found: dict[tuple[int, ...], list[tuple[int, int]]] = {}
-        for test in self.tests:
-            for group in self.groups(test):
-                teach = tuple(i for i in self.training(test) if i not in group)
-                found.setdefault(teach, []).extend((test, i) for i in group)
-        return found
 
 
 def teaching(examples: Sequence[DescribedObject], config: TrainConfig) -> list[Tensor]:
@@ -92,13 +38,6 @@ def teaching(examples: Sequence[DescribedObject], config: TrainConfig) -> list[T
 
 def _of_grasps(objects: Sequence[DescribedObject], chosen: Sequence[Tensor], number: int) -> DescribedObject:
     return objects[number].of_grasps(chosen[number])
-
-
-class Named(NamedTuple):
-    """Name and digest of an object."""
-
-    name: str
-    digest: str
 
 
 class Workers(Protocol):
@@ -113,8 +52,9 @@ class Learned:
     """What an experiment leaves.
 
     Attributes:
-        scores: of the grasps on every object, by a model that has not seen it.
-        model: of all objects, if `final_model`; its calibration comes from the predictions on novel objects.
+        scores: of the grasps on every object, by a model that has not seen it; none without folds.
+        model: of all objects, if `final_model`; its calibration comes from the predictions on novel objects, without
+            folds from objects that were held out one by one, of a single object from nothing (`uncalibrated`).
         of_fold: fold -> the model that has not seen its objects, if `fold_models`; calibrated on its training folds.
     """
 
@@ -148,7 +88,7 @@ class Experiment:
     def of(
         config: TrainConfig,
         design: Design,
-        objects: Sequence[GraspObject],
+        objects: Sequence[Identity],
         examples: Sequence[DescribedObject],
         cache: Cache,
         given: Callable[[int | None], Tensor] | None = None,
@@ -160,9 +100,7 @@ class Experiment:
         some = [each.sample(config.inner_grasps, generator) for each in teach]
         sampled = Made(partial(_of_grasps, teach, some), every)
         fit = PrototypeFit(replace(config.prototypes, num_clusters=config.K), config.seed, cache)
-        return Experiment(
-            config, design, [Named(o.name, o.digest) for o in objects], examples, teach, sampled, fit, given
-        )
+        return Experiment(config, design, named(objects), examples, teach, sampled, fit, given)
 
     def run(self, stages: ProgressReporter, cluster: Workers | None = None) -> Learned:
         """Predictions on every object by a model that has not seen it, and the models that the settings ask for.
@@ -174,7 +112,7 @@ class Experiment:
         inner = self.design.inner_folds() if self.shares else {}
         with stages.stage("prototypes", len(inner) + len(tests), "sets") as advance:
             centres = each(Experiment.prototypes, [(which,) for which in [*inner, *tests]], advance)
-        held_out: dict[tuple[int, int], GraspScores] = {}
+        held_out: dict[tuple[int | None, int], GraspScores] = {}
         with stages.stage("voting", len(centres), "folds and models" if None in tests else "folds") as advance:
             asked = [(*row, inner[row[0]]) for row in zip(inner, centres, strict=False)]
             for found in each(Experiment.predict_inside, asked, advance):
@@ -184,8 +122,8 @@ class Experiment:
             folds = dict(zip(tests, each(Experiment.fold, work, advance), strict=True))
         scores = {i: own for on_novel, _ in folds.values() for i, own in on_novel.items()}
         models = {test: model for test, (_, model) in folds.items() if model is not None}
-        in_order = [scores[i] for i in range(len(self.examples))]
-        if None in models:
+        in_order = [scores[i] for i in range(len(self.examples))] if self.design.tests else []
+        if None in models and in_order:
             calibration = calibrate(in_order, [e.outcomes for e in self.examples], self.design.fold.tolist())
             models[None] = replace(models[None], calibration=calibration)
         return Learned(in_order, models.pop(None, None), models)  # type: ignore[arg-type]
@@ -195,9 +133,11 @@ class Experiment:
     ) -> list[R]:
         return side_by_side(lambda item: work(self, *item), items, advance)
 
-    def _chosen(self, held_out: Mapping[tuple[int, int], GraspScores]) -> dict[int | None, tuple[Calibration, str]]:
-        found = self._here(Experiment.nested, [(test, held_out) for test in self.design.tests], lambda _: None)
-        return dict(zip(self.design.tests, found, strict=True))
+    def _chosen(
+        self, held_out: Mapping[tuple[int | None, int], GraspScores]
+    ) -> dict[int | None, tuple[Calibration, str]]:
+        found = self._here(Experiment.nested, [(test, held_out) for test in self.design.asking], lambda _: None)
+        return dict(zip(self.design.asking, found, strict=True))
 
     def fold(
         self, test: int | None, prototypes: Tensor, chosen: tuple[Calibration, str] | None
@@ -207,7 +147,11 @@ class Experiment:
         chosen: calibration and ranking as `nested` finds them, where test folds share inner folds.
         """
         if test is None:
-            return {}, self.model(None, prototypes)
+            model = self.model(None, prototypes)
+            if test not in self.design.asking:
+                return {}, model
+            its = chosen or self.chosen_alone(test, prototypes)
+            return {}, replace(model, calibration=its[0])
         if self.config.constellations.words:
             words = self.in_words(prototypes)
             return words.predict_alone(test, words.prototypes(tuple(self.design.training(test))))[0], None
@@ -249,21 +193,22 @@ class Experiment:
         return torch.cat([self.examples[i].relations for i in objects])
 
     def predict_alone(self, test: int, centres: Tensor) -> tuple[dict[int, GraspScores], Calibration]:
-        """As `predict`, by inner folds that serve the fold `test` alone, and what these calibrate.
+        """As `predict`, by inner folds that serve the fold `test` alone, and what these calibrate."""
+        chosen = self.chosen_alone(test, centres)
+        return self.predict(test, centres, chosen), chosen[0]
 
-        Given prototypes are theirs, too.
-        """
-        held_out: dict[tuple[int, int], GraspScores] = {}
+    def chosen_alone(self, test: int | None, centres: Tensor) -> tuple[Calibration, str]:
+        """As `nested`, by inner folds that serve the fold `test` alone. Given prototypes are theirs, too."""
+        held_out: dict[tuple[int | None, int], GraspScores] = {}
         for group in self.design.groups(test):
             taught = tuple(i for i in self.design.training(test) if i not in group)
             inside = centres if self.given is not None else self.prototypes(taught)
             held_out |= self.predict_inside(taught, inside, [(test, i) for i in group])
-        chosen = self.nested(test, held_out)
-        return self.predict(test, centres, chosen), chosen[0]
+        return self.nested(test, held_out)
 
     def predict_inside(
-        self, taught: Sequence[int], centres: Tensor, held_out: Sequence[tuple[int, int]]
-    ) -> dict[tuple[int, int], GraspScores]:
+        self, taught: Sequence[int], centres: Tensor, held_out: Sequence[tuple[int | None, int]]
+    ) -> dict[tuple[int | None, int], GraspScores]:
         """What some training objects say of the sampled grasps on those held out; see `Design.inner_folds`."""
         space = TrainingSpace(Made(self.teach.__getitem__, taught), centres, self.config.affordance)
         asking = Made(self.sampled.__getitem__, [i for _, i in held_out])
@@ -278,7 +223,9 @@ class Experiment:
         ranked = [each.calibrated(calibration).with_chosen(ranking) for each in scores]
         return dict(zip(novel, ranked, strict=True))
 
-    def nested(self, test: int, held_out: Mapping[tuple[int, int], GraspScores]) -> tuple[Calibration, str]:
+    def nested(
+        self, test: int | None, held_out: Mapping[tuple[int | None, int], GraspScores]
+    ) -> tuple[Calibration, str]:
         """Calibration and choice of the ranking for the fold `test`, on training objects that were held out.
 
         Of the sampled grasps the same share counts as best as N is of all that teach.

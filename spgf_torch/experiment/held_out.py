@@ -13,11 +13,11 @@ from typing import Any, Generic, TypeVar
 
 from spgf_torch.affordance.model import GraspModel, load_model, save_model
 from spgf_torch.errors import InputError
+from spgf_torch.experiment.named import Identity
 from spgf_torch.files.digests import KEY as SEAL
 from spgf_torch.files.digests import sealed_json
 from spgf_torch.files.reading import json_values
 from spgf_torch.files.writing import write_bytes
-from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.proposing.judge import Judge, load_judge, save_judge
 
 FOLDER, JUDGES, LIST = "fold_models", "folds", "objects.json"
@@ -33,7 +33,7 @@ class FoldModels(Generic[Learned]):
     models: Mapping[int, Learned]
     novel: Mapping[str, tuple[int, str]]
 
-    def fold_of(self, obj: GraspObject) -> int:
+    def fold_of(self, obj: Identity) -> int:
         """The fold whose model has not seen this object. Raises InputError where there is none."""
         fold, digest = self.novel.get(obj.name, (None, None))
         if fold is None or digest != obj.digest:
@@ -43,15 +43,13 @@ class FoldModels(Generic[Learned]):
 
 
 def save_fold_models(
-    models: Mapping[int, GraspModel], objects: Sequence[GraspObject], folds: Sequence[int], run: Path
+    models: Mapping[int, GraspModel], objects: Sequence[Identity], folds: Sequence[int], run: Path
 ) -> None:
     """Leave the models in the run's folder; folds: of each object, the one whose model has not seen it."""
     _save(models, save_model, objects, folds, run / FOLDER)
 
 
-def save_fold_judges(
-    judges: Mapping[int, Judge], objects: Sequence[GraspObject], folds: Sequence[int], run: Path
-) -> None:
+def save_fold_judges(judges: Mapping[int, Judge], objects: Sequence[Identity], folds: Sequence[int], run: Path) -> None:
     """The same of judges."""
     _save(judges, save_judge, objects, folds, run / JUDGES)
 
@@ -91,7 +89,7 @@ def novel_by_fold(run: Path, folder: str = FOLDER) -> dict[str, tuple[int, str]]
 def _save(
     models: Mapping[int, Learned],
     save: Callable[[Learned, Path], Any],
-    objects: Sequence[GraspObject],
+    objects: Sequence[Identity],
     folds: Sequence[int],
     folder: Path,
 ) -> None:

@@ -9,7 +9,8 @@ from pathlib import Path
 from spgf_torch.affordance.sensed_collision import HandVolume, hand_volumes
 from spgf_torch.cache import fingerprint
 from spgf_torch.errors import InputError
-from spgf_torch.experiment.describe import Grasps
+from spgf_torch.experiment.describe import Grasps, TriedGrasps
+from spgf_torch.experiment.named import Identity
 from spgf_torch.files.reading import yaml_values
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
@@ -34,7 +35,7 @@ def tables_of(objects: Sequence[GraspObject], place: str, trials: Trials, sample
     return read_tables(folder, expected, trials.grasp_types)
 
 
-def dataset_digest(objects: Sequence[GraspObject], tables: Sequence[TrialTable]) -> str:
+def dataset_digest(objects: Sequence[Identity], tables: Sequence[TriedGrasps]) -> str:
     """Names the objects and their trials: runs on different ones cannot be compared."""
     parts = [
         (obj.name, obj.category, obj.digest, Grasps(table.T_object_tcp, table.grasp_type), table.success)

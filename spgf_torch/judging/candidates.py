@@ -23,7 +23,8 @@ from torch import Tensor
 from spgf_torch.cache import Cache, code_fingerprint, fingerprint
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.described_object import DescribedObject
-from spgf_torch.experiment.experiment import Design, teaching
+from spgf_torch.experiment.design import Design
+from spgf_torch.experiment.experiment import teaching
 from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.judging.clouds import seen_as
 from spgf_torch.judging.config import JudgeConfig, TreesConfig

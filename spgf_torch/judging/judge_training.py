@@ -4,49 +4,45 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from omegaconf import OmegaConf
 
 from spgf_torch.cache import Cache
 from spgf_torch.errors import InputError
 from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.experiment.held_out import load_fold_judges, save_fold_judges
-from spgf_torch.experiment.labelled_grasps import open_hand, tables_of
-from spgf_torch.files.digests import sealed_yaml
-from spgf_torch.files.writing import write_bytes, write_text
-from spgf_torch.hands.hand import load_hand
+from spgf_torch.experiment.labelled_grasps import tables_of
+from spgf_torch.files.writing import write_text
+from spgf_torch.hands.carried_hand import carry
 from spgf_torch.judging.card import judge_card
 from spgf_torch.judging.clouds import training_clouds
 from spgf_torch.judging.collision_survey import survey
 from spgf_torch.judging.config import JudgeConfig
 from spgf_torch.judging.learning import calibration_of, judge_of, learn_judge
+from spgf_torch.judging.making_trials import workshop_of
 from spgf_torch.judging.objects_that_fit import fits
 from spgf_torch.judging.own_trials import OwnProvenance, OwnTrials, read_own, write_own
 from spgf_torch.judging.rounds import Workshop, own_round, own_rows, random_rows, random_tables
 from spgf_torch.judging.scene_learning import scene_lessons
 from spgf_torch.judging.scene_rounds import SceneShop
 from spgf_torch.judging.scene_trials import SceneTrials, origin_of, read_scene_trials, write_scene_trials
+from spgf_torch.judging.settings import with_folds_for
 from spgf_torch.judging.training_rows import Bench, Rows
 from spgf_torch.judging.validation import cross_validated, executed, validation_rows
 from spgf_torch.objects.grasp_object import GraspObject
 from spgf_torch.paths import find
 from spgf_torch.progress import ProgressReporter
-from spgf_torch.proposing.clearance import Clearance
-from spgf_torch.proposing.hypotheses import Search
 from spgf_torch.proposing.judge import Judge, load_judge, save_judge
 from spgf_torch.settings import plain
-from spgf_torch.simulation.executors import check_address, executor_of
-from spgf_torch.simulation.table import TrialTable, table_path, write_table
-from spgf_torch.simulation.worker import Trials
+from spgf_torch.simulation.executors import check_address
+from spgf_torch.simulation.table import TrialTable
 from spgf_torch.threads import in_parts
 
-# Folders in a run's: random trials, where they were made, and those of the rounds.
-TRIALS, OWN_TRIALS = "trials", "own_trials"
+# Folder in a run's: the trials of the rounds.
+OWN_TRIALS = "own_trials"
 
 
 @dataclass(frozen=True)
@@ -82,16 +78,12 @@ class Course:
     def of(objects: Sequence[GraspObject], config: JudgeConfig, cache: Cache, stages: ProgressReporter) -> Course:
         """InputError where the settings, the objects and the tables do not go together."""
         check_address(config.runner, config.address)
-        proposing = config.proposing
-        clearances = (proposing.plane_clearance, proposing.between, proposing.obstacle_clearance)
-        search = Search.of(Clearance(open_hand(config.hand), *clearances), config.hypotheses)
-        trials = Trials(load_hand(config.hand), config.episode)
-        executor = partial(executor_of, config.workers, config.time_limit, config.address)
-        shop, given = Workshop(trials, search, config, cache, stages, executor), None
+        config = with_folds_for(config, len(objects))
+        shop, given = workshop_of(config, cache, stages), None
         fold = _folds(objects, config)
         if config.own_trials is not None:
-            expected = [OwnProvenance.of(obj, trials, config) for obj in objects]
-            given = read_own(find(config.own_trials), expected, trials.grasp_types)
+            expected = [OwnProvenance.of(obj, shop.trials, config) for obj in objects]
+            given = read_own(find(config.own_trials), expected, shop.trials.grasp_types)
         return Course(objects, fold, shop, given)
 
     def tables(self) -> list[TrialTable]:
@@ -231,6 +223,7 @@ class Course:
         With `fold_judges` those of the folds, too.
         """
         size = save_judge(lessons.judge, folder)
+        carry(self.shop.trials.hand, folder)
         write_text(folder / card, judge_card(lessons.judge, self.shop.config, size))
         if self.given is None and lessons.own:
             (folder / OWN_TRIALS).mkdir()
@@ -241,15 +234,6 @@ class Course:
         if self.shop.config.fold_judges:
             save_fold_judges(lessons.of_fold, self.objects, self.fold.tolist(), folder)
         return size
-
-
-def write_tables(tables: Sequence[TrialTable], folder: Path) -> None:
-    """Random trials that were made, as `simulate` would leave them in `folder`."""
-    folder.mkdir()
-    made = {key: getattr(tables[0].provenance, key) for key in ("candidates", "seed", "sampler", "episode")}
-    write_bytes(folder / "config.yaml", sealed_yaml(OmegaConf.to_yaml(OmegaConf.create(made))))
-    for table in tables:
-        write_table(table_path(folder, table.object_name), table)
 
 
 def _folds(objects: Sequence[GraspObject], config: JudgeConfig) -> np.ndarray:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import Any
+from dataclasses import fields, replace
 
-from omegaconf import OmegaConf
-
+from spgf_torch.command_settings import command_settings
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.judging.config import JudgeConfig
-from spgf_torch.paths import root
 from spgf_torch.settings import plain, typed
 
 
@@ -25,10 +22,23 @@ def judge_settings(config: TrainConfig) -> JudgeConfig:
         if name in shared:
             raise InputError(f"judging.{name}: expected a key that train has not, got {name}, which is the run's own")
     try:
-        values = OmegaConf.merge(OmegaConf.create(_defaults(own)), OmegaConf.create(dict(config.judging)))
-        return typed(JudgeConfig, {**OmegaConf.to_container(values), **shared})  # type: ignore[dict-item]
+        return typed(JudgeConfig, {**command_settings("judge", config.judging), **shared})
     except InputError as error:
         raise InputError(f"judging.{error}") from None
+
+
+def with_folds_for(config: JudgeConfig, objects: int) -> JudgeConfig:
+    """Where there are fewer objects than folds, and `folds` is not set: a fold for each.
+
+    Raises InputError for a single object: who chooses trials has not seen it.
+    """
+    if objects < 2:
+        raise InputError(
+            "objects: expected two at least to learn a judge, which chooses trials on objects that it has not seen, "
+            f"got {objects} in {config.objects}; train judge=none learns votes of one"
+        )
+    chosen = config.folds != command_settings("judge", {})["folds"]
+    return config if chosen or objects >= config.folds else replace(config, folds=objects)
 
 
 def stages(config: JudgeConfig, tried: bool) -> list[tuple[str, float]]:
@@ -53,11 +63,3 @@ def stages(config: JudgeConfig, tried: bool) -> list[tuple[str, float]]:
 _SHARES = {"random": 0.02, "hypotheses": 1.7, "chosen": 0.027, "rows": 0.05, "learning": 0.1, "scene": 0.09}
 # The same of a votes' model.
 VOTES = [("sensing", 0.2), ("features", 0.1), ("prototypes", 0.8), ("voting", 0.4)]
-
-
-def _defaults(keys: set[str]) -> dict[str, Any]:
-    """What conf/judge.yaml says, with the groups that it names."""
-    values: Any = OmegaConf.to_container(OmegaConf.load(root() / "conf/judge.yaml"))
-    rooms = {room: file for entry in values.pop("defaults") if isinstance(entry, dict) for room, file in entry.items()}
-    loaded = {room: OmegaConf.load(root() / f"conf/{room}/{rooms[room]}.yaml") for room in keys & rooms.keys()}
-    return {**{key: values[key] for key in keys & values.keys()}, **loaded}

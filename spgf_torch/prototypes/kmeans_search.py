@@ -97,7 +97,11 @@ def principal_components(points: Tensor, components: int) -> Tensor:
     if components >= points.shape[1]:
         return points - mean
     centred = some - mean
-    axes = torch.linalg.eigh(centred.T @ centred).eigenvectors[:, -components:]
+    spread = centred.T @ centred
+    try:
+        axes = torch.linalg.eigh(spread).eigenvectors[:, -components:]
+    except torch.linalg.LinAlgError:  # of fewer points than dimensions, most eigenvalues are 0 but for rounding
+        axes = torch.linalg.eigh(spread.double()).eigenvectors[:, -components:].to(spread)
     return torch.addmm(-(mean @ axes), points, axes)
 
 

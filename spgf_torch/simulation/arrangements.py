@@ -172,10 +172,15 @@ def _rest(tabletop: Tabletop, config: ArrangementConfig, time: float) -> None:
 
 
 def _fits(obj: GraspObject, config: ArrangementConfig) -> bool:
-    """Whether an object fits the box of a pile however it turns, or stands upright within a packed workspace."""
+    """Whether an object fits the box of a pile however it turns, or stands upright within a packed workspace.
+
+    Of every size that may be drawn: the largest must have room, and the smallest has the smallest footprint.
+    """
+    low, high = config.scale
     if config.kind == PACKED:
-        return bool(max(obj.mesh.extents[:2]) <= config.workspace) and stands(obj, config.stance)
-    return bool(np.linalg.norm(obj.mesh.extents) <= config.workspace)
+        room = max(obj.mesh.extents[:2]) * high <= config.workspace
+        return bool(room) and all(stands(scaled(obj, scale), config.stance) for scale in {low, high})
+    return bool(np.linalg.norm(obj.mesh.extents) * high <= config.workspace)
 
 
 def _scale(config: ArrangementConfig) -> tuple[float, float]:

@@ -30,7 +30,7 @@ from spgf_torch.evaluation.success import top_n
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.describe import Describer
 from spgf_torch.experiment.described_object import DescribedObject
-from spgf_torch.experiment.experiment import Design
+from spgf_torch.experiment.design import Design
 from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.experiment.learning import PrototypeFit
 from spgf_torch.experiment.training_space import TrainingSpace

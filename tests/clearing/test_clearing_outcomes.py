@@ -1,6 +1,9 @@
 """Rates, intervals, causes and rows of rounds, against values worked out by hand."""
 
+import csv
+import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +17,7 @@ from spgf_torch.clearing.outcomes import (
     csv_text,
     rates,
     resampled,
+    scene_row,
     share,
 )
 from spgf_torch.clearing.tables import clutter_table
@@ -85,6 +89,16 @@ def test_without_a_pair_there_is_no_auc(held):
     assert results["probability"]["auc"] is None and results["probability"]["ece"] == pytest.approx(0.5)
     cells = [next(iter(column.cells)) for column in clutter_table(results).columns]
     assert cells[5:7] == ["-", "0.50"]
+
+
+def test_names_of_a_scene_can_be_told_apart():
+    """Whatever they are: `tall` and `flat cube` are not `tall flat` and `cube`."""
+    its = scene(0, [True], objects=2)
+    tall, flat = (replace(its.round.objects[0], name=name) for name in ("tall", "flat cube"))
+    row = scene_row(replace(its, round=replace(its.round, objects=(tall, flat))))
+    assert row["names"] == ["tall", "flat cube"]
+    (cells,) = csv.DictReader(csv_text([row]).splitlines())
+    assert json.loads(cells["names"]) == ["tall", "flat cube"]
 
 
 def test_rows_of_attempts():

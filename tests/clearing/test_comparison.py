@@ -45,6 +45,15 @@ def test_other_scenes_are_refused(tmp_path):
             beside(ours, [kept(tmp_path / name, scenes, **changes)], config())
 
 
+def test_older_runs_have_names_in_one_text(tmp_path):
+    ours = clutter_results(OURS, config())
+    rows = [{**row, "names": " ".join(row["names"])} for row in ours["per_scene"]]
+    assert beside(ours, [kept(tmp_path / "older", OURS, per_scene=rows)], config())
+    rows[0]["names"] = "flat tall"
+    with pytest.raises(InputError, match=r"^beside: expected a run on the same 2 scenes"):
+        beside(ours, [kept(tmp_path / "others", OURS, per_scene=rows)], config())
+
+
 @pytest.mark.parametrize("changes", [{"seed": 1}, {"scenes": 3}, {"arrangement.kind": "pile"}])
 def test_seeds_tell_other_scenes_before_anything_is_begun(changes, tmp_path):
     other = kept(tmp_path / "other", THEIRS)

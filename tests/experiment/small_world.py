@@ -17,7 +17,8 @@ from spgf_torch.affordance.pairs import CellPairs, grid_of
 from spgf_torch.cache import Cache
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.described_object import DescribedObject
-from spgf_torch.experiment.experiment import Design, Experiment, Learned
+from spgf_torch.experiment.design import Design
+from spgf_torch.experiment.experiment import Experiment, Learned
 from spgf_torch.progress import ProgressReporter
 from spgf_torch.prototypes.estimator import Prototypes
 from spgf_torch.settings import settings
@@ -55,7 +56,7 @@ def experiment(examples: list[DescribedObject], **changes: Any) -> Experiment:
     config.final_model, config.fold_models, config.affordance = False, True, AFFORDANCE
     for name, value in changes.items():
         setattr(config, name, value)
-    objects: Any = [SimpleNamespace(name=f"object {i}", digest=str(i)) for i in range(len(examples))]
+    objects: Any = [SimpleNamespace(name=f"object {i}", category="boxes", digest=str(i)) for i in range(len(examples))]
     design = Design(FOLD, np.arange(len(FOLD)), config.training_objects)
     return replace(Experiment.of(config, design, objects, examples, Cache(None)), fit=fitted)
 

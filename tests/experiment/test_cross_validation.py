@@ -16,7 +16,8 @@ from spgf_torch.affordance.ranking import GraspScores
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.cross_validation import calibrate, calibrated_elsewhere, choose
 from spgf_torch.experiment.described_object import DescribedObject, sample_of_each_type
-from spgf_torch.experiment.experiment import Design, Experiment
+from spgf_torch.experiment.design import Design
+from spgf_torch.experiment.experiment import Experiment
 from spgf_torch.experiment.learning import side_by_side
 from spgf_torch.progress import ProgressReporter
 

@@ -14,8 +14,8 @@ import torch
 from spgf_torch.errors import InputError
 from spgf_torch.experiment import dictionary
 from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.experiment.design import Design
 from spgf_torch.experiment.dictionary import Dictionary, load_dictionary
-from spgf_torch.experiment.experiment import Design
 from spgf_torch.experiment.held_out import FoldModels, novel_by_fold
 from spgf_torch.files.digests import sealed_json
 

@@ -14,7 +14,8 @@ from spgf_torch.affordance.pairs import CellPairs
 from spgf_torch.cache import Cache
 from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.described_object import DescribedObject
-from spgf_torch.experiment.experiment import Design, teaching
+from spgf_torch.experiment.design import Design
+from spgf_torch.experiment.experiment import teaching
 from spgf_torch.experiment.labelled_grasps import tables_of
 from spgf_torch.hands.hand import load_hand
 from spgf_torch.judging.candidates import EXCLUDED, CandidateRanking

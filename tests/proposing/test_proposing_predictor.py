@@ -21,7 +21,7 @@ from spgf_torch.proposing.propose import Proposer
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings
 
-JUDGE = ROOT / "data/judge/panda"
+JUDGE = ROOT / "data/models/panda"
 THREADS = 8
 
 bare = Predictor(None, settings(SensingConfig), GRIPPERS, None, 0.1)

@@ -40,6 +40,21 @@ def test_principal_components_keep_what_varies_most() -> None:
     assert torch.equal(all_three, centred)
 
 
+def test_axes_that_single_precision_does_not_find(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of a small object alone, which has fewer features than these have numbers: LAPACK may give up."""
+    points = torch.randn(20, 40, generator=torch.Generator().manual_seed(0))
+    expected, eigh = principal_components(points, 3), torch.linalg.eigh
+
+    def gives_up(matrix: Tensor) -> object:
+        if matrix.dtype == torch.float32:
+            raise torch.linalg.LinAlgError("linalg.eigh: The algorithm failed to converge")
+        return eigh(matrix)
+
+    monkeypatch.setattr(torch.linalg, "eigh", gives_up)
+    found = principal_components(points, 3)
+    assert found.dtype == torch.float32 and torch.allclose(found.abs(), expected.abs(), atol=1e-4)
+
+
 @pytest.mark.parametrize(("dims", "clusters"), [(1, 1), (3, 5), (4, 2), (16, 20), (18, 7)])
 def test_nearest_equals_the_loop(dims: int, clusters: int) -> None:
     """More points than a block holds, and coordinates that are no whole number of fours."""

@@ -17,7 +17,7 @@ from trial_objects import ball, box, can, cup
 from spgf_torch.errors import InputError
 from spgf_torch.paths import root
 from spgf_torch.settings import typed
-from spgf_torch.simulation.arrangements import Placed, arranged, inside, scaled, settled, stands
+from spgf_torch.simulation.arrangements import Placed, arranged, fitting, inside, scaled, settled, stands
 from spgf_torch.simulation.clutter_config import PILE, ArrangementConfig
 from spgf_torch.simulation.episode import Simulator
 from spgf_torch.simulation.tabletop import Tabletop
@@ -149,6 +149,27 @@ def test_what_cannot_be_arranged_is_told_in_one_line(objects, changes, words):
     with pytest.raises(InputError) as error:
         arranged(objects, 5, 0, arrangement(**changes))
     assert str(error.value).startswith(words) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("obj", "changes", "fits"),
+    [
+        (box((0.34, 0.05, 0.1)), {"scale": [0.7, 0.85]}, True),  # 0.289 m at most
+        (box((0.34, 0.05, 0.1)), {"scale": [0.7, 0.9]}, False),  # 0.306 m
+        (box((0.25, 0.18, 0.05)), {"scale": [0.7, 0.9], "kind": "pile"}, True),  # 0.312 m across, of which 0.281
+        (box((0.25, 0.18, 0.05)), {"scale": [0.7, 1.0], "kind": "pile"}, False),
+        (box((0.03, 0.05, 0.1)), {"scale": [0.9, 1.0]}, True),  # its centre is 13.5 mm within its foot, at least
+        (box((0.03, 0.05, 0.1)), {"scale": [0.7, 1.0]}, False),  # 10.5 mm
+        (box((0.022, 0.05, 0.1)), {"scale": [1.0, 1.2]}, False),  # 11 mm
+    ],
+)
+def test_what_fits_does_so_at_every_size_that_may_be_drawn(obj, changes, fits):
+    config = arrangement(**changes)
+    if fits:
+        assert fitting([obj], config) == [obj]
+    else:
+        with pytest.raises(InputError, match=r"^objects: expected some that"):
+            fitting([obj], config)
 
 
 def test_the_shipped_arrangements():
