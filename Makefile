@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
-.PHONY: train paper test quick check docs tutorials bench fuzz trials judges models wheel clean mutants
+.PHONY: train paper test quick check docs tutorials bench fuzz trials judges models wheel clean mutants viewer
 train: $(READY)
 	$(BIN)/python -m spgf_torch.train +K=20
 
@@ -95,3 +95,10 @@ mutants: $(READY)
 # The documentation, in outputs/docs/index.html: no network is needed, warnings are errors.
 docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --clean
+
+# The parts of three.js that the grasp page carries, from pinned versions; node and npm are needed for this alone. Which
+# parts: docs/tools/viewer/three_parts.js.
+viewer:
+	work=$$(mktemp -d) && cp docs/tools/viewer/* $$work && \
+	(cd $$work && npm install --no-package-lock --no-audit --no-fund --silent && npm run --silent bundle) && \
+	cp $$work/three.min.js $$work/three.LICENSE spgf_torch/drawing/viewer && rm -r $$work

@@ -166,7 +166,7 @@ class Grasps(Sequence[Grasp]):
         It draws grasps and cloud in the frame of the scene that was given, also after `transform`.
 
         Raises:
-            InputError: grasps without their scene, or no plotly.
+            InputError: grasps without their scene.
         """
         folder = Path(tempfile.mkdtemp(prefix="spgf_grasps_"))
         page = next(path for path in self.save(folder, "page") if path.suffix == ".html")

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spgf_torch.errors import InputError
-from spgf_torch.extras import needed
 
 if TYPE_CHECKING:
     from spgf_torch.grasps.grasps import Grasps
@@ -19,7 +18,6 @@ def save(grasps: Grasps, folder: str | Path, formats: str | Sequence[str] | None
     """Write the formats into a folder, and return the paths; see `Grasps.save`."""
     wanted = chosen(formats)
     if PAGE in wanted:
-        needed("formats: page", "plotly")
         if grasps.source is None:
             raise InputError("formats: expected grasps that a model predicted for a page, got some without their scene")
         if not len(grasps.source.scene.texlets):

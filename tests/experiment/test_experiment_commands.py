@@ -453,7 +453,7 @@ def test_predict_writes_what_robots_read(small: Path, seen: np.ndarray, tmp_path
     assert grasps and "Ranked grasps" in done.stdout and f"{len(grasps)} grasps (" in done.stdout
     assert len(read_isaac(run / "isaac_grasp.yaml").grasps) == len(read_graspnet(run / "graspnet.npy")) == len(grasps)
     assert len(json.loads((run / "moveit_grasps.json").read_text())["grasps"]) == len(grasps)
-    assert (run / "index.html").stat().st_size > 1e6 and (run / "grasps.png").read_bytes()[1:4] == b"PNG"
+    assert 5e5 < (run / "index.html").stat().st_size < 1.5e6 and (run / "grasps.png").read_bytes()[1:4] == b"PNG"
     near = [np.linalg.norm(seen[:, :3] - g.T_input_tcp[:3, 3], axis=1).min() for g in grasps]
     assert max(near) < 0.06  # m: every grasp is about the mug
 
