@@ -75,7 +75,8 @@ models: $(READY)
 	$(BIN)/python -m spgf_torch.simulate hand=panda candidates=300 out=outputs/panda_trials
 	$(BIN)/python -m spgf_torch.train +K=20 hydra.run.dir=outputs/models/sdh2
 	$(BIN)/python -m spgf_torch.train +K=20 hand=panda trials=outputs/panda_trials hydra.run.dir=outputs/models/panda
-	for hand in robotiq_2f robotiq_3f so101; do $(BIN)/python -m spgf_torch.train +K=20 hand=$$hand judge=learn hydra.run.dir=outputs/models/$$hand; done
+	for hand in robotiq_2f so101; do $(BIN)/python -m spgf_torch.train +K=20 hand=$$hand judge=learn hydra.run.dir=outputs/models/$$hand; done
+	$(BIN)/python -m spgf_torch.train +K=20 hand=robotiq_3f judge=learn +judging.candidates=25 hydra.run.dir=outputs/models/robotiq_3f
 	for hand in panda sdh2; do $(BIN)/python -m spgf_torch.pack model=outputs/models/$$hand judge=data/models/$$hand out=data/models/$$hand replace=true; done
 	for hand in robotiq_2f robotiq_3f so101; do $(BIN)/python -m spgf_torch.pack model=outputs/models/$$hand out=data/models/$$hand replace=true; done
 

@@ -83,7 +83,7 @@ class Predictor:
 
     @staticmethod
     def load(
-        folder: str | Path,
+        folder: str | Path | None,
         device: str = "cpu",
         proposing: ProposingConfig | str | None = None,
         retreat: float = RETREAT,
@@ -92,6 +92,7 @@ class Predictor:
         """What `train` or `judge` left in `folder`, and the hand that it was learned for.
 
         Args:
+            folder: or a name (`spgf_torch.load`); None: an InputError that says how to choose.
             proposing: how it proposes, or the name of settings in conf/proposing, such as `clutter`.
             judge: the folder of a judge of this hand that proposes; None: the one in `folder`, if it holds one; `none`:
                 the votes propose.

@@ -59,7 +59,7 @@ def _runs() -> list[dict[str, Any]]:
         given = known.get("input")
         parts = {folder: given}
         if known.get("batch"):
-            files = given if isinstance(given, list) else [given]
+            files = [str(file) for file in (given if isinstance(given, list) else [given])]
             parts = {folder / name: file for name, file in zip(named(files), files, strict=True)}
             parts = {part: file for part, file in parts.items() if (part / RESULTS[0]).is_file()}
         found += [{"folder": str(part), "input": file, "results": _results(part)} for part, file in parts.items()]
