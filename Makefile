@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
-.PHONY: train paper test quick check docs bench fuzz trials judges wheel clean mutants
+.PHONY: train paper test quick check docs tutorials bench fuzz trials judges models wheel clean mutants viewer
 train: $(READY)
 	$(BIN)/python -m spgf_torch.train +K=20
 
@@ -45,6 +45,10 @@ $(READY): pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'  # with all extras but baselines
 	touch $(READY)
 
+# Every page of docs/tutorials, also those that train: minutes.
+tutorials: $(READY)
+	SPGF_TUTORIALS=all $(BIN)/python -m pytest -n 0 tests/docs
+
 # Wheel and sdist: what they hold, and the wheel alone in a new environment (tests/packaging).
 wheel: $(READY)
 	$(BIN)/python tests/packaging/wheel.py
@@ -57,11 +61,24 @@ trials: $(READY)
 	rm -f data/trials/SHA256SUMS
 	$(BIN)/python -m spgf_torch.simulate out=data/trials
 
-# The committed judges, each with the trials that it was learned from (half an hour on two cores).
+# The committed judges, each with the trials that it was learned from (half an hour on two cores); trials in data/judge, the
+# judges themselves in data/models, beside the votes.
 judges: $(READY)
 	rm -rf data/judge
 	$(BIN)/python -m spgf_torch.judge hand=panda +context=tabletop hydra.run.dir=data/judge/panda
 	$(BIN)/python -m spgf_torch.judge hand=sdh2 trials=data/trials +context=tabletop hydra.run.dir=data/judge/sdh2
+	for hand in panda sdh2; do cd data/judge/$$hand && mv judge.json judge.safetensors README.md ../../models/$$hand && rm -r hand && cd ../../..; done
+
+# The shipped models: votes made small beside the committed judges (an hour or two on two cores); of hands without a judge of
+# scenes, with one that train learns.
+models: $(READY)
+	$(BIN)/python -m spgf_torch.simulate hand=panda candidates=300 out=outputs/panda_trials
+	$(BIN)/python -m spgf_torch.train +K=20 hydra.run.dir=outputs/models/sdh2
+	$(BIN)/python -m spgf_torch.train +K=20 hand=panda trials=outputs/panda_trials hydra.run.dir=outputs/models/panda
+	for hand in robotiq_2f so101; do $(BIN)/python -m spgf_torch.train +K=20 hand=$$hand judge=learn hydra.run.dir=outputs/models/$$hand; done
+	$(BIN)/python -m spgf_torch.train +K=20 hand=robotiq_3f judge=learn +judging.candidates=25 hydra.run.dir=outputs/models/robotiq_3f
+	for hand in panda sdh2; do $(BIN)/python -m spgf_torch.pack model=outputs/models/$$hand judge=data/models/$$hand out=data/models/$$hand replace=true; done
+	for hand in robotiq_2f robotiq_3f so101; do $(BIN)/python -m spgf_torch.pack model=outputs/models/$$hand out=data/models/$$hand replace=true; done
 
 # Readers of files, with changed bytes, for so many seconds (tests/fuzz).
 FUZZ_SECONDS ?= 300
@@ -79,3 +96,10 @@ mutants: $(READY)
 # The documentation, in outputs/docs/index.html: no network is needed, warnings are errors.
 docs: $(READY)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --clean
+
+# The parts of three.js that the grasp page carries, from pinned versions; node and npm are needed for this alone. Which
+# parts: docs/tools/viewer/three_parts.js.
+viewer:
+	work=$$(mktemp -d) && cp docs/tools/viewer/* $$work && \
+	(cd $$work && npm install --no-package-lock --no-audit --no-fund --silent && npm run --silent bundle) && \
+	cp $$work/three.min.js $$work/three.LICENSE spgf_torch/drawing/viewer && rm -r $$work

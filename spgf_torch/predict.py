@@ -10,10 +10,10 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from spgf_torch import __version__
 from spgf_torch.cli.batch import run_each
-from spgf_torch.cli.command import run_command
+from spgf_torch.cli.command import command_line, run_command
 from spgf_torch.errors import InputError
-from spgf_torch.extras import installed, remedy
 from spgf_torch.files.given_paths import check_files, model_and_judge
 from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.scene.config import PredictConfig
@@ -31,13 +31,17 @@ def by_type(grasps: Sequence[Grasp], grasp_types: Iterable[str]) -> str:
 
 
 def _ranking(predictor: Predictor, votes: Path | None, judge: Path | None, scene: Scene) -> list[str]:
-    """What was loaded, which of it ranks, and what the judge knows: a line each."""
+    """What was loaded, which model it is, which of it ranks, and what the judge knows: a line each."""
+    from spgf_torch.proposing.model_folder import Identity
+
     lines = []
     if votes is not None and predictor.model is not None:
         ranks = "its votes rank" if judge is None else "its votes are shown beside each grasp"
-        lines.append(f"model: {votes.resolve()}, K = {len(predictor.model.centres)}; {ranks}")
-    if judge is not None:
-        lines.append(f"judge: {judge.resolve()}, which ranks, {scene.unseen or 'without unseen space'}")
+        which, K = Identity.of(predictor.model).words(), len(predictor.model.centres)
+        lines.append(f"model: {votes.resolve()}, {which}, K = {K}; {ranks}")
+    if judge is not None and predictor.judged is not None:
+        which = Identity.of(predictor.judged.judge).words()
+        lines.append(f"judge: {judge.resolve()}, {which}, which ranks, {scene.unseen or 'without unseen space'}")
     return lines
 
 
@@ -54,10 +58,24 @@ def _doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> str 
     return f"nothing sure: the best holds with a probability of {best:.0%}, less than {sure:.0%}"
 
 
+def _head(config: PredictConfig, predictor: Predictor, votes: Path | None, judge: Path | None) -> list[tuple[str, str]]:
+    """What a page says of itself: file, model, date, version, command."""
+    from spgf_torch.drawing.grasp_beside import model_words
+
+    files = config.input if isinstance(config.input, list) else [config.input]
+    folders = dict.fromkeys(folder for folder in (votes, judge) if folder is not None)
+    head = {
+        "file": ", ".join(Path(str(file)).name for file in files),
+        "model": ", judge ".join(map(model_words, folders)),
+        "date": time.strftime("%Y-%m-%d %H:%M"),
+        "version": f"spgf_torch {__version__}",
+        "command": command_line(),
+    }
+    return [(name, words) for name, words in head.items() if words]
+
+
 def _files(folder: Path, anything: bool) -> str:
     """What there is in `folder`; `anything`: something was seen that can be shown."""
-    if anything and not installed("plotly"):
-        return f"files and picture in {folder}; no page, for which {remedy('plotly')} is needed"
     return f"files{' and page' if anything else ''} in {folder}"
 
 
@@ -112,10 +130,8 @@ def _predict(config: PredictConfig, folder: Path, loaded: Callable[[], Predictor
     with stages.stage("scene", 1, "input") as advance:
         scene = read_scene(config, sensing, np.random.default_rng(config.seed))
         advance(1)
-    for note in scene.notes:
-        show(note)
     predictor = loaded()
-    for line in (ranking := _ranking(predictor, votes, judge, scene)):
+    for line in (*(ranking := _ranking(predictor, votes, judge, scene)), *scene.notes):
         show(line)
     start = time.perf_counter()
     with stages.stage("grasps", len(scene.texlets), "texlets") as advance:
@@ -125,7 +141,8 @@ def _predict(config: PredictConfig, folder: Path, loaded: Callable[[], Predictor
 
     doubts = _doubts(grasps, predictor, scene)
     save(grasps, folder)
-    write_page(grasps, folder, [line for line in (doubts, *(ranking if judge else ())) if line])
+    told = _head(config, predictor, votes, judge), ranking, [doubts] if doubts else ()
+    write_page(grasps, folder, *told)
     _tell(grasps, predictor, scene, config.N, (doubts, left_out(grasps)))
     counted = by_type(grasps, predictor.grippers)
     show(f"{len(grasps)} grasps ({counted}) from {len(scene.texlets)} texlets in {seconds:.2f} s")

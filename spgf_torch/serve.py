@@ -6,7 +6,6 @@ from pathlib import Path
 
 from spgf_torch.cli.command import run_command
 from spgf_torch.cli.setting_comments import read_settings
-from spgf_torch.errors import InputError
 from spgf_torch.extras import needed
 from spgf_torch.files.given_paths import model_and_judge
 from spgf_torch.paths import root
@@ -21,10 +20,6 @@ def run(config: ServeConfig, folder: Path) -> None:
     """
     for package in ("starlette", "uvicorn", "python_multipart", "prometheus_client"):
         needed("the server", package)
-    if config.model is None:
-        raise InputError(
-            "model: expected a folder (model=FOLDER) or the hand of a shipped model (--hand NAME), got none"
-        )
     model_and_judge(config.model, config.judge)
 
     from spgf_torch.serving.server import bound, is_own, serve, url

@@ -8,7 +8,6 @@ from pathlib import Path
 from threading import Event
 
 from spgf_torch.cli.command import run_command
-from spgf_torch.errors import InputError
 from spgf_torch.extras import needed
 from spgf_torch.files.given_paths import check_files, check_folder, model_and_judge
 from spgf_torch.progress import ProgressReporter, show
@@ -21,10 +20,6 @@ def run(config: ViewConfig, folder: Path) -> None:
     Raises InputError for a folder or a model that there is not, and where the extra is missing.
     """
     needed("the page", "viser")
-    if config.model is None:
-        raise InputError(
-            "model: expected a folder (model=FOLDER) or the hand of a shipped model (--hand NAME), got none"
-        )
     model_and_judge(config.model, config.judge)
     if not Path(config.input).is_dir():
         check_folder("input", config.input, "a folder to watch")

@@ -12,6 +12,7 @@ import pytest
 LONGEST = (
     "test_experiment_commands.py",
     "test_serve_command.py",
+    "test_tutorials.py",
     "test_judging.py",
     "test_judged_commands.py",
     "test_docs.py",

@@ -1,6 +1,7 @@
 """README and docs/: Python blocks run, commands have settings that exist, links lead to files, no key lacks a page.
 
 A block that takes too long, or needs what a test has not, says so where it begins: ```python skip="reason".
+The blocks of docs/tutorials are run in tests/docs, those of each page in order.
 """
 
 import pkgutil
@@ -25,6 +26,7 @@ from PIL import Image
 import spgf_torch
 from spgf_torch.__main__ import COMMANDS
 from spgf_torch.cli.command_line import known_settings, translated
+from spgf_torch.cli.options import as_overrides
 from spgf_torch.errors import InputError
 from spgf_torch.hands.config import ClosingConfig, HandConfig, JointConfig, PreshapeConfig
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
@@ -38,8 +40,9 @@ from command_pages import command_page, kind_of, read_settings  # noqa: E402
 from paper_tables import filled  # noqa: E402
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+TUTORIALS = ROOT / "docs/tutorials"
 FENCE = re.compile(r"^```(?P<info>[^\n]*)\n(?P<text>.*?)^```", re.DOTALL | re.MULTILINE)
-COMMAND = re.compile(r"python -m spgf_torch\.[a-z].*")
+COMMAND = re.compile(r"(?:python -m spgf_torch\.|^spgf )([a-z].*)", re.MULTILINE)
 PATH = re.compile(r"`((?:spgf_torch|tests|conf|data|docs)/[\w./]+|[a-z]\w*/[\w/]+\.py)`")
 LINK = re.compile(r"\]\(([^)\s#]+)(?:#[^)\s]*)?\)|src=\"([^\"]+)\"")
 
@@ -54,6 +57,8 @@ def fences(page: Path) -> Iterator[tuple[int, str, str]]:
 def python_blocks() -> list[Any]:
     blocks, texts = [], set()
     for page in PAGES:
+        if page.parent == TUTORIALS:
+            continue
         for line, info, text in fences(page):
             if not info.startswith("python") or text in texts:
                 continue
@@ -69,11 +74,11 @@ def commands() -> dict[str, str]:
     found: dict[str, str] = {}
     for page in PAGES:
         content = page.read_text(encoding="utf-8")
-        blocks = [text.replace("\\\n", " ") for _, info, text in fences(page) if not info]
+        blocks = [text.replace("\\\n", " ") for _, info, text in fences(page) if info in ("", "sh")]
         inline = re.findall(r"`(python -m spgf_torch\.[^`]+)`", FENCE.sub("", content))
         for text in [*blocks, *inline]:
             for line in COMMAND.findall(text):
-                found.setdefault(line.split("   #")[0].strip(), str(page.relative_to(ROOT)))
+                found.setdefault(re.split(r"  +#", line)[0].strip(), str(page.relative_to(ROOT)))
     return found
 
 
@@ -86,9 +91,11 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     Image.fromarray((1000 * depth).round().astype(np.uint16)).save(folder / "depth.png")
     Image.fromarray(marked(depth, camera).astype(np.uint8)).save(folder / "labels.png")
     np.savetxt(folder / "K.txt", camera.K)
-    model = spgf_torch.load(ROOT / "data/judge/panda")
+    model = spgf_torch.load(ROOT / "data/models/panda")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(spgf_torch, "load", lambda path: {"outputs/train/latest": model}[path])
+        patch.setattr(
+            spgf_torch, "load", lambda path: {"panda": model, "latest": model, "outputs/train/latest": model}[path]
+        )
         yield folder
 
 
@@ -140,7 +147,7 @@ def test_there_are_blocks_and_commands_to_check() -> None:
 @pytest.mark.parametrize("command", sorted(COMMANDS))
 def test_commands_have_settings_that_exist(command: str) -> None:
     """Composed by Hydra and checked as the command itself does, without its work."""
-    shown = {line: page for line, page in commands().items() if re.match(rf"python -m spgf_torch\.{command}\b", line)}
+    shown = {line: page for line, page in commands().items() if line.split()[0] == command}
     assert shown, f"no page shows {command}"
     kind = kind_of(command)
     for line, page in shown.items():
@@ -156,16 +163,17 @@ def test_commands_have_settings_that_exist(command: str) -> None:
 )
 def test_a_wrong_command_is_found(wrong: str, told: str) -> None:
     with pytest.raises(Exception, match=told):
-        check("train", kind_of("train"), f"python -m spgf_torch.train {wrong}")
+        check("train", kind_of("train"), f"train {wrong}")
 
 
 def check(command: str, kind: type, line: str) -> None:
     """Raise what the command would say to these arguments."""
-    plain = re.sub(r"\$\([^)]*\)", "1/2", line)
-    plain = re.sub(r"hand=\S+\.yaml", f"hand={ROOT}/conf/hand/panda.yaml", plain)  # a reader's own
-    arguments = shlex.split(plain, comments=True)[3:]
+    plain = re.sub(r"\$\([^)]*\)", "1/2", line.split(" > ")[0])
+    plain = re.sub(r"hand[= ]\S+\.yaml", f"hand={ROOT}/conf/hand/panda.yaml", plain)  # a reader's own
+    arguments = shlex.split(plain, comments=True)[1:]
     sweep = "-m" in arguments
-    overrides = translated(command, kind, [word for word in arguments if word not in ("-m", "--help")] + ["-m"] * sweep)
+    words = [word for word in arguments if word not in ("-m", "--help", "--json")] + ["-m"] * sweep
+    overrides = translated(command, kind, as_overrides(command, kind, words))
     given = [first(word) for word in overrides if word != "-m" and not word.startswith("hydra")]
     groups = tuple(word for word in given if (ROOT / "conf" / word.split("=")[0].strip("+")).is_dir())
     values = OmegaConf.create(composed(command, groups))

@@ -16,7 +16,7 @@ def reachable(grasp: Grasp) -> bool:
 
 
 def planned(points: np.ndarray[Any, np.dtype[np.float64]], T_robot_camera: np.ndarray[Any, Any]) -> Grasps:
-    model: Predictor = spgf_torch.load("data/judge/panda").ready()
+    model: Predictor = spgf_torch.load("panda").ready()
     scene: Scene = Scene.from_points(points, viewpoints=(0.0, 0.0, 0.0), sensing=model.sensing, table="find")
     try:
         grasps: Grasps = model.predict(scene, top=5, keep=reachable).transform(T_robot_camera)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shlex
 import sys
 from collections.abc import Callable
 from difflib import get_close_matches
@@ -36,6 +37,8 @@ from spgf_torch.settings import typed
 from spgf_torch.terminal import Ended, UnheardError, ended_by_signals, patient
 
 T = TypeVar("T")
+
+_typed: list[str] = []  # the words of the command that runs
 
 NO_MEMORY = "expected more memory than this machine or the process' limit (ulimit -v) allows"
 # How torch, the loader of shared libraries and the system say so.
@@ -119,6 +122,7 @@ def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: 
     if {"--help", "-h"} & set(sys.argv[1:]):
         show(help_text(command, kind))
         return 0
+    _typed[:] = "spgf", command, *sys.argv[1:]
     sys.argv[1:] = translated(command, kind, as_overrides(command, kind, sys.argv[1:]))
     refused: list[InputError | IncompleteError] = []
     multirun = Multirun.of(command)
@@ -146,6 +150,11 @@ def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: 
     for error in refused:
         raise error
     return status
+
+
+def command_line() -> str:
+    """What was typed, as it can be typed again; empty where no command runs."""
+    return shlex.join(_typed)
 
 
 def fail(command: str, error: Exception) -> NoReturn:

@@ -13,10 +13,12 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from scipy.spatial import cKDTree
 
+from spgf_torch.drawing.judge_words import WeighedNumber
 from spgf_torch.drawing.outline import outline
 from spgf_torch.drawing.style import MESH, OBSTACLE, TABLE, camera, success_colours
 from spgf_torch.errors import InputError
 from spgf_torch.hands.records import Grasp, Gripper, gripper_for
+from spgf_torch.scene.sensed import Sensed
 
 PATCHES = 8000  # points that are drawn at most: what a browser turns smoothly and a page of some MB holds
 CORNERS = 6  # of a patch
@@ -48,22 +50,45 @@ class Eye:
 
 
 @dataclass(frozen=True)
+class Told:
+    """What a page says in words beside its grasps.
+
+    Attributes:
+        head: name and value of what is said of the page as a whole: file, hand, model.
+        lines: of plain text, on how the grasps came about. doubts: why there is none, or none that is sure.
+        notes: on the input.
+    """
+
+    head: tuple[tuple[str, str], ...] = ()
+    lines: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Beside:
     """What is drawn and written beside targets and grasps.
 
     Attributes:
         obstacles: (K, 3) m, what else was sensed. table: (4,) a, b, c, d, a x + b y + c z + d the height above it, m.
-        lines: of plain text, on how the grasps came about. notes: on the input.
-        weighed: of each grasp what a judge weighed, in words; () where none ranked.
+        sensed: all that was sensed, with its colours, in the place of the targets' points and the obstacles; None: they
+            are all that is known.
+        cameras: of each its place (3,), m; its axes (3, 3), columns right, down and ahead; and two corners (2, 2) of
+            its image 1 m ahead, left top and right bottom, m. None for the last two: not known.
+        told: what is said in words.
+        weighed: of each grasp what a judge weighed; () where none ranked.
+        pictures: SVG of prototypes, by number.
         closing: grasp type -> (F, shapes, 4, 4) of `hands.hand.closing_poses` at `page_hands.fractions`; of types that
             are not in it hands are shown open alone.
     """
 
     obstacles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     table: np.ndarray | None = None
-    lines: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    weighed: tuple[str, ...] = ()
+    sensed: Sensed | None = None
+    cameras: tuple[tuple[np.ndarray, np.ndarray | None, np.ndarray | None], ...] = ()
+    told: Told = field(default_factory=Told)
+    weighed: tuple[tuple[WeighedNumber, ...], ...] = ()
+    pictures: Mapping[int, str] = field(default_factory=dict)
     closing: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
@@ -111,10 +136,11 @@ def scene_of(
     points, normals = np.asarray(points, dtype=np.float64), np.asarray(normals, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points) or points.shape != normals.shape:
         raise InputError(f"scene: expected points and normals (M, 3), M > 0; got {points.shape} and {normals.shape}")
-    eye = look(normals)
+    beside = beside or Beside()
+    eye = look(normals, None if beside.table is None else beside.table[:3] / np.linalg.norm(beside.table[:3]))
     shown = np.random.default_rng(0).permutation(len(points))[:PATCHES]
     points, normals = points[shown], normals[shown]
-    drawn = [(_patches(points, normals), _lit(normals, eye)), *_surroundings(points, beside or Beside(), eye)]
+    drawn = [(_patches(points, normals), _lit(normals, eye)), *_surroundings(points, beside, eye)]
     patches, colours = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
     outlines = {gripper.type: outline(gripper, FINGER, HANDLE) for gripper in grippers.values()}
     return Scene(
@@ -127,16 +153,30 @@ def scene_of(
     )
 
 
-def look(normals: np.ndarray) -> Eye:
+def look(normals: np.ndarray, up: np.ndarray | None = None) -> Eye:
     """The place that the surface faces: obliquely above if the input's z is up, else in front of a camera's frame.
 
     Surfaces were seen from where their normals point. A scene in a camera's own frame (z forwards, y down) faces -z.
+
+    Args:
+        up: (3,), unit: what a table says; None: to be found.
     """
-    above = [Eye(camera((azimuth, ELEVATION))[2], np.array([0.0, 0.0, 1.0])) for azimuth in AZIMUTHS]
-    front = Eye(np.array([0.0, 0.0, -1.0]), np.array([0.0, -1.0, 0.0]))
-    eyes = [*above, front]
+    level = np.eye(3) if up is None else _upright(up)
+    eyes = [Eye(level.T @ camera((azimuth, ELEVATION))[2], level[2]) for azimuth in AZIMUTHS]
+    if up is None:
+        eyes.append(Eye(np.array([0.0, 0.0, -1.0]), np.array([0.0, -1.0, 0.0])))
     shown = np.array([np.clip(normals @ eye.towards, 0, None).sum() for eye in eyes])
     return eyes[int(np.argmax(shown >= AS_GOOD * shown.max()))]
+
+
+def _upright(up: np.ndarray) -> np.ndarray:
+    """(3, 3): rows are the axes x, y, z turned the shortest way so that z is `up` (3,), unit."""
+    if up[2] < -1 + 1e-9:
+        return np.diag([1.0, -1.0, -1.0])
+    x, y = -up[1], up[0]  # the axis of the turn: z x up
+    skew = np.array([[0.0, 0.0, y], [0.0, 0.0, -x], [-y, x, 0.0]])
+    turn: np.ndarray = np.eye(3) + skew + skew @ skew / (1 + up[2])
+    return turn.T
 
 
 def pieces(segments: np.ndarray, longest: float) -> list[np.ndarray]:
@@ -166,7 +206,7 @@ def _surroundings(points: np.ndarray, beside: Beside, eye: Eye) -> list[tuple[np
 def _tiles(points: np.ndarray, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The table under points (M, 3) and `NEAR` around them as squares (P, CORNERS, 3) of two colours (P, 3) in turn."""
     normal = table[:3] / np.linalg.norm(table[:3])
-    u, v = _across(normal[None])
+    u, v = across(normal[None])
     u, v = u[0], v[0]
     foot = points - (points @ table[:3] + table[3])[:, None] * table[:3]
     flat = np.stack([foot @ u, foot @ v], axis=1)
@@ -187,7 +227,7 @@ def _patches(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     return _hexagons(points, normals, radius)
 
 
-def _across(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def across(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Two directions (N, 3) across normals (N, 3)."""
     helper = np.where(np.abs(normals[:, :1]) < 0.8, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     u = np.cross(normals, helper)
@@ -197,7 +237,7 @@ def _across(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _hexagons(points: np.ndarray, normals: np.ndarray, radius: float) -> np.ndarray:
     """(N, CORNERS, 3) about points (N, 3), across normals (N, 3), of a radius in m."""
-    u, v = _across(normals)
+    u, v = across(normals)
     angle = np.arange(CORNERS) * 2 * np.pi / CORNERS
     around = u[:, None] * np.cos(angle)[:, None] + v[:, None] * np.sin(angle)[:, None]
     return points[:, None] + radius * around

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from spgf_torch.proposing.judge_influences import Weight
 
-SHOWN = 3  # numbers that are shown of a grasp
+SHOWN = 6  # numbers that are shown of a grasp
 # Name of a number (`judge_features`) -> words, how it is printed and what it is multiplied by before.
 _PERCENT, _MM, _PLAIN = ("{:.0f} %", 100.0), ("{:.0f} mm", 1000.0), ("{:.2f}", 1.0)
 _WORDS: dict[str, tuple[str, tuple[str, float]]] = {
@@ -44,18 +45,28 @@ _WORDS: dict[str, tuple[str, tuple[str, float]]] = {
 }
 
 
-def weighed_words(weights: Sequence[Weight], grasp_types: Sequence[str]) -> str:
-    """The numbers that moved the judge most: `+ unseen space in the worse finger 0 % (usual 31 %)`; minus: against.
+@dataclass(frozen=True)
+class WeighedNumber:
+    """A number of a grasp in words: what it is, its value and the usual one, and how far it moved the log-odds."""
+
+    words: str
+    value: str
+    usual: str
+    moved: float
+
+
+def weighed_words(weights: Sequence[Weight], grasp_types: Sequence[str]) -> tuple[WeighedNumber, ...]:
+    """The numbers that moved the judge most: `unseen space in the worse finger`, `0 %`, `31 %`, +0.8.
 
     Args:
         grasp_types: of the judge's hand, sorted.
     """
-    lines = []
+    told = []
     for weight in weights[:SHOWN]:
         words, (form, factor) = _WORDS.get(weight.name, (weight.name, _PLAIN))
         if weight.name == "type":
             value, usual = (grasp_types[round(number)] for number in (weight.value, weight.usual))
         else:
             value, usual = (form.format(factor * number + 0.0) for number in (weight.value, weight.usual))
-        lines.append(f"{'+' if weight.moved > 0 else '-'} {words} {value} (usual {usual})")
-    return "; ".join(lines)
+        told.append(WeighedNumber(words, value, usual, weight.moved))
+    return tuple(told)

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from spgf_torch.hands.records import Grasp, Gripper
+from spgf_torch.drawing.packed import packed
+from spgf_torch.hands.records import Gripper
 
-DIGITS, TURNS = 2, 6  # decimals of mm, and of the numbers of a rotation: 0.2 um at 200 mm
 STEPS = 9  # places between open and closed, evenly spaced, that a page knows; between them it goes straight
 
 
@@ -18,33 +18,24 @@ def fractions() -> np.ndarray:
 
 
 def closing_content(gripper: Gripper, moves: np.ndarray | None) -> dict[str, Any]:
-    """The open hand's collision shapes as one mesh in the TCP frame, mm, and how each moves while the hand closes.
+    """The open hand's collision shapes in the TCP frame, m, one after another, and how each moves while it closes.
 
-    `starts` are the first vertices of the shapes, `moves` of each of `fractions` and shape 3 x 4 numbers, row by row.
+    `corners` and `faces` are the first corner and the first face of each shape, and their numbers at the end; `steps`
+    is how many of `fractions` the `moves` have: of each and of each shape 3 x 4 numbers, row by row.
 
     Args:
         moves: (F, shapes, 4, 4), `hands.hand.closing_poses`; None: it stays open.
     """
     shapes = gripper.shapes
-    starts = np.cumsum([0, *(len(shape.vertices) for shape in shapes)])
-    corners = np.concatenate([shape.vertices for shape in shapes])
-    faces = np.concatenate([shape.faces + start for shape, start in zip(shapes, starts[:-1], strict=True)])
+    corners = np.cumsum([0, *(len(shape.vertices) for shape in shapes)])
+    faces = np.cumsum([0, *(len(shape.faces) for shape in shapes)])
     if moves is None:
         moves = np.broadcast_to(np.eye(4), (1, len(shapes), 4, 4))
     return {
-        **dict(zip("xyz", np.round(1000 * corners, DIGITS).T.tolist(), strict=True)),
-        **dict(zip("ijk", faces.T.tolist(), strict=True)),
-        "starts": starts.tolist(),
-        "moves": [[_rows(T) for T in of_all] for of_all in moves],
+        "vertices": packed(np.concatenate([shape.vertices for shape in shapes]), "f4"),
+        "triangles": packed(np.concatenate([shape.faces for shape in shapes]), "u2"),
+        "corners": corners.tolist(),
+        "faces": faces.tolist(),
+        "steps": len(moves),
+        "moves": packed(moves[:, :, :3], "f4"),
     }
-
-
-def hand_content(grasp: Grasp, colour: str) -> dict[str, Any]:
-    """A grasp's type, its colour, and the pose of its TCP: 3 x 4 numbers row by row, mm."""
-    return {"type": grasp.type, "pose": _rows(grasp.T_input_tcp), "colour": colour}
-
-
-def _rows(T: np.ndarray) -> list[float]:
-    mm = np.hstack([np.round(T[:3, :3], TURNS), np.round(1000 * T[:3, 3:], DIGITS)]) + 0.0
-    rows: list[float] = mm.ravel().tolist()
-    return rows

@@ -60,7 +60,10 @@ def loaded_model(model: GraspModel, config: EvaluateConfig) -> LoadedModel:
     if not _same_hand(model.settings["hand"], config.hand):
         learned = model.settings["hand"]["name"]
         got = f"one of {learned}" if learned != config.hand.name else "one of another URDF or description of it"
-        raise InputError(f"{config.model}: expected a model learned with this hand ({config.hand.name}), got {got}")
+        raise InputError(
+            f"{config.model}: expected a model learned with this hand ({config.hand.name}), got {got}; give the "
+            "model's own: hand=NAME, or hand=FILE.yaml"
+        )
     affordance = typed(AffordanceConfig, model.settings["affordance"])
     features = typed(FeatureConfig, model.settings["features"])
     volumes, cache = open_hand(config.hand), Cache.open(config.cache, config.cache_gb)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spgf_torch.errors import InputError
-from spgf_torch.extras import needed
 
 if TYPE_CHECKING:
     from spgf_torch.grasps.grasps import Grasps
@@ -19,7 +18,6 @@ def save(grasps: Grasps, folder: str | Path, formats: str | Sequence[str] | None
     """Write the formats into a folder, and return the paths; see `Grasps.save`."""
     wanted = chosen(formats)
     if PAGE in wanted:
-        needed("formats: page", "plotly")
         if grasps.source is None:
             raise InputError("formats: expected grasps that a model predicted for a page, got some without their scene")
         if not len(grasps.source.scene.texlets):
@@ -63,7 +61,7 @@ def _json(grasps: Grasps, folder: Path) -> list[Path]:
     from spgf_torch.formats.grasps_json import write_grasps
 
     path = folder / "grasps.json"
-    write_grasps(path, grasps, grasps.grippers, grasps.judge_said())
+    write_grasps(path, grasps, grasps.grippers, grasps.judge_said(), grasps.model)
     return [path]
 
 

@@ -74,7 +74,7 @@ def _meets(posed: Posed) -> Iterator[Finding]:
     yield Finding(
         check="fingers do not pass",
         preshape=posed.name,
-        measured=f"{1000 * max(-gap, 0):.1f} mm in each other when closed",
+        measured=f"{1000 * max(0.0, -gap):.1f} mm in each other when closed",
         expected=f"{1000 * OVERLAP:g} mm at most",
         ok=-gap <= OVERLAP,
         remedy="pads lie below the closing faces; leave pads out, and they are measured",

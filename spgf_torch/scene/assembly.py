@@ -23,6 +23,7 @@ from spgf_torch.scene.observed_space import looked_by_cameras, looked_by_clouds,
 from spgf_torch.scene.parts import Around, scene_of_parts, thinned
 from spgf_torch.scene.planes import height
 from spgf_torch.scene.scene import Scene
+from spgf_torch.scene.sensed import sensed_of
 from spgf_torch.scene.surfaces import stride_of, surfaces
 from spgf_torch.scene.target_selection import is_target, table_of, targeted, viewpoints_of
 from spgf_torch.scene.unit_checks import check_depth_image, size_notes, unusual_depth
@@ -123,7 +124,7 @@ def scene_of_clouds(
     looked = looked_by_clouds(clouds, None if table is None else table[:3])
     around = Around(obstacles, table, gravity, viewpoints_of(clouds), looked)
     scene = thinned(facing, around, notes, config, sensing, generator, why)
-    return _with_lost(scene, named)
+    return _with_lost(replace(scene, sensed=sensed_of(clouds, table, config.table_distance)), named)
 
 
 def scene_of_views(
@@ -171,6 +172,7 @@ def _scene_of_views(
     around = Around(obstacles, table, gravity, viewpoints_of(clouds), looked_by_images(views))
     why = why_no_grasp(targets, targets, table, config)
     scene = thinned(targets, around, notes, config, sensing, generator, why)
+    scene = replace(scene, sensed=sensed_of(clouds, table, config.table_distance, config.voxel))
     return _with_lost(scene, _named([view.labels for view in views]))
 
 

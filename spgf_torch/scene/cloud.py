@@ -29,6 +29,7 @@ class Cloud:
         labels: (N,) int32, the target that each point is of, 0: of none, an obstacle; None: all are the target.
         pixels: (N, 2) int32 row and column, where the points are those of an image; None: not known.
         notes: what the reader left out or took for something, a line each.
+        colours: (N, 3) uint8 red, green, blue, to be shown; None: not known.
         guessed: whether the viewpoints tell the side that was seen, but not from how far.
     """
 
@@ -40,16 +41,16 @@ class Cloud:
     pixels: np.ndarray | None = None
     notes: tuple[str, ...] = ()
     guessed: bool = False
+    colours: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.points)
 
     def select(self, which: np.ndarray) -> Cloud:
         """The points that a mask or index (N,) names."""
-        normals, labels, pixels = (
-            None if column is None else column[which] for column in (self.normals, self.labels, self.pixels)
-        )
-        return replace(self, points=self.points[which], normals=normals, labels=labels, pixels=pixels)
+        names = ("normals", "labels", "pixels", "colours")
+        known = {name: column[which] for name in names if (column := getattr(self, name)) is not None}
+        return replace(self, points=self.points[which], **known)
 
     def scaled(self, factor: float) -> Cloud:
         """Points and viewpoints times `factor`."""
@@ -104,6 +105,8 @@ def _check_shapes(cloud: Cloud) -> None:
         length = count if what == "normals" else "N"
         if values is not None and (values.ndim != 2 or values.shape[1] != 3 or length not in ("N", len(values))):
             raise InputError(f"{cloud.name}: expected {what} of shape ({length}, 3), got {values.shape}")
+    if cloud.colours is not None and cloud.colours.shape != (count, 3):
+        raise InputError(f"{cloud.name}: expected colours of shape ({count}, 3), got {cloud.colours.shape}")
     if cloud.labels is not None and cloud.labels.shape != (count,):
         raise InputError(f"{cloud.name}: expected a label for each of {count} points, got shape {cloud.labels.shape}")
 
@@ -155,7 +158,10 @@ def voxel_means(cloud: Cloud, voxel: float) -> Cloud:
     home = rank[home]
     points = _means(cloud.points, home, len(first))
     labels = None if cloud.labels is None else cloud.labels[np.sort(first)]
-    cloud = replace(cloud, labels=labels, pixels=None)
+    colours = None
+    if cloud.colours is not None:
+        colours = np.rint(_means(cloud.colours, home, len(first))).astype(np.uint8)
+    cloud = replace(cloud, labels=labels, pixels=None, colours=colours)
     if cloud.normals is None:
         return replace(cloud, points=points)
     normals = _means(cloud.normals, home, len(first))

@@ -13,6 +13,7 @@ from spgf_torch.files.ply import read_elements, read_header
 from spgf_torch.files.reading import existing, npy_array, npz_arrays, npz_headers
 from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, check_count, checked, pixels_of
+from spgf_torch.scene.colours import ARRAYS, colour_bytes, colours_of_columns
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.labels import numbered
 from spgf_torch.scene.pcd import read_pcd
@@ -107,7 +108,7 @@ def _ply(path: Path, limit: int) -> Cloud:
             normals = np.stack([vertex[prefix + axis] for axis in "xyz"], axis=1)
     viewpoint = np.array([camera.get(f"view_p{axis}", np.zeros(1))[:1] for axis in "xyz"]).reshape(1, -1)
     known = viewpoint.size == 3 and np.isfinite(viewpoint).all() and viewpoint.any()  # PCL writes 0 0 0 for unknown
-    return Cloud(points, normals, viewpoint if known else None, str(path))
+    return Cloud(points, normals, viewpoint if known else None, str(path), colours=colours_of_columns(vertex))
 
 
 def _numpy(path: Path, limit: int) -> Cloud:
@@ -117,7 +118,7 @@ def _numpy(path: Path, limit: int) -> Cloud:
     else:
         key, notes = _points_key(path)
         there = npz_headers(path)
-        beside = [name for name in (*_NORMALS, *_VIEWPOINTS) if name in there]
+        beside = [name for name in (*_NORMALS, *_VIEWPOINTS, *ARRAYS) if name in there and name != key]
         arrays = npz_arrays(path, (key, *beside), 10 * limit)
     cloud = _columns(path, key, arrays[key], limit)
     points = arrays[key]
@@ -131,7 +132,19 @@ def _numpy(path: Path, limit: int) -> Cloud:
     eyes = next((arrays[name] for name in _VIEWPOINTS if name in arrays), None)
     if eyes is not None:
         cloud = replace(cloud, viewpoints=np.atleast_2d(_float(path, "viewpoints", eyes)))
+    tints = next((arrays[name] for name in ARRAYS if name in arrays and name != key), None)
+    if tints is not None:
+        cloud = _with_colours(cloud, tints)
     return replace(cloud, notes=(*notes, *cloud.notes))
+
+
+def _with_colours(cloud: Cloud, tints: np.ndarray) -> Cloud:
+    """The cloud with an array of colours, a row a point or pixel; a note where it is none."""
+    flat = tints.reshape(-1, tints.shape[-1])[:, :3] if tints.ndim > 1 and tints.shape[-1] in (3, 4) else None
+    colours = None if flat is None or len(flat) != len(cloud) else colour_bytes(flat)
+    if colours is None:
+        return replace(cloud, notes=(*cloud.notes, f"colours of shape {tints.shape} and type {tints.dtype} left out"))
+    return replace(cloud, colours=colours)
 
 
 def _points_key(path: Path) -> tuple[str, tuple[str, ...]]:
@@ -142,7 +155,7 @@ def _points_key(path: Path) -> tuple[str, tuple[str, ...]]:
     shaped = [
         name
         for name, (shape, dtype) in headers.items()
-        if name not in (*_NORMALS, *_VIEWPOINTS)
+        if name not in (*_NORMALS, *_VIEWPOINTS, *ARRAYS)
         and (dtype.names or (len(shape) in (2, 3) and shape[-1] in (3, 4, 6) and dtype.kind == "f"))
     ]
     named = [name for name in _POINTS if name in headers]

@@ -44,7 +44,7 @@ class Gravity:
         return float(np.sin(np.deg2rad(max(_LEVEL_DEG, self.within_deg))))
 
 
-_UPRIGHT = "the camera's picture is taken to be upright"
+_UPRIGHT = "the camera is taken to look down by 45 deg, its picture upright"
 
 
 def gravity_of(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +15,10 @@ import numpy as np
 from spgf_torch.errors import InputError
 from spgf_torch.files.ply import number_words
 from spgf_torch.scene.cloud import Cloud, check_count, pixels_of
+from spgf_torch.scene.colours import unpacked_colours
 
 POINT, NORMAL = ("x", "y", "z"), ("normal_x", "normal_y", "normal_z")
+COLOUR = ("rgb", "rgba")  # PCL's: 0xRRGGBB, with or without alpha above it, as the bits of a float or a whole number
 _TYPES = {
     (k, s): f"<{k.lower()}{s}" for k, sizes in (("F", (4, 8)), ("I", (1, 2, 4, 8)), ("U", (1, 2, 4, 8))) for s in sizes
 }
@@ -78,12 +80,34 @@ def read_pcd(path: Path, limit: int) -> Cloud:
         if count != 1 or names.count(name) > 1:
             got = f"got {count}" if count != 1 else f"got {names.count(name)} fields of this name"
             raise InputError(f"{path}: COUNT of {name}: expected 1, {got}")
+    packed = [name for name in COLOUR if names.count(name) == 1 and _packs(header, names.index(name))][:1]
+    header = _with_bits(header, [names.index(name) for name in packed])
     columns = {"ascii": _ascii, "binary": _binary, "binary_compressed": _compressed}[header.data](
-        path, body, header, [names.index(name) for name in wanted]
+        path, body, header, [names.index(name) for name in (*wanted, *packed)]
     )
+    colours = _colours(columns[:, -1], header, names.index(packed[0])) if packed else None
     pixels = pixels_of((header.height, header.width, 3)) if header.height > 1 else None
-    normals = columns[:, 3:] if len(wanted) == 6 else None
-    return Cloud(columns[:, :3], normals, _known(header.viewpoint), str(path), pixels=pixels)
+    normals = columns[:, 3:6] if len(wanted) == 6 else None
+    return Cloud(columns[:, :3], normals, _known(header.viewpoint), str(path), pixels=pixels, colours=colours)
+
+
+def _packs(header: Header, index: int) -> bool:
+    """Whether a field can hold a colour: one value of four bytes."""
+    return header.counts[index] == 1 and np.dtype(header.dtypes[index]).itemsize == 4
+
+
+def _colours(values: np.ndarray, header: Header, field: int) -> np.ndarray:
+    """(N, 3) uint8 of a column of packed colours; in an ascii file a float is written as the number that it is."""
+    if header.data == "ascii" and header.dtypes[field] == "<f4":
+        values = values.astype(np.float32).view(np.uint32)
+    return unpacked_colours(values)
+
+
+def _with_bits(header: Header, fields: list[int]) -> Header:
+    """The header with these fields as whole numbers of four bytes: read as floats, some colours are NaN and change."""
+    if header.data == "ascii":
+        return header
+    return replace(header, dtypes=tuple("<u4" if i in fields else kind for i, kind in enumerate(header.dtypes)))
 
 
 def _known(viewpoint: tuple[float, ...]) -> np.ndarray | None:

@@ -21,6 +21,7 @@ import torch
 from spgf_torch.errors import InputError
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.gravity import Gravity
+from spgf_torch.scene.sensed import Sensed
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.sensing.unseen import DepthView
@@ -50,6 +51,7 @@ class Scene:
         borders: (N, 3) float32 of each texlet the unit vector along its surface over the border of an image, a mask, a
             crop box or the cloud that cuts it there; NaN: none does; None: none does anywhere.
         unseen: how unseen space is known, or why it is not, in words.
+        sensed: all that was sensed, with its colours, to be shown; None: the texlets and obstacles are all.
         no_grasp: why there can be none, such as points on a line; None: there may be some.
     """
 
@@ -65,6 +67,7 @@ class Scene:
     views: tuple[DepthView, ...] | None = None
     borders: torch.Tensor | None = None
     unseen: str = ""
+    sensed: Sensed | None = None
 
     @property
     def targets(self) -> tuple[int, ...]:

@@ -13,7 +13,7 @@ from spgf_torch.drawing.grasp_scene import look
 from spgf_torch.drawing.page_hands import fractions
 from spgf_torch.drawing.style import success_colours
 from spgf_torch.grasps.grasps import Grasps
-from spgf_torch.grasps.page import closings
+from spgf_torch.hands.hand import closing_poses
 from spgf_torch.hands.records import Grasp
 from spgf_torch.predictor import Predictor
 from spgf_torch.scene.scene import Scene
@@ -36,7 +36,9 @@ class Page:
 
     def __init__(self, server: viser.ViserServer, model: Predictor, most: int) -> None:
         self._server, self._lock = server, RLock()  # sliders call from viser's threads
-        self._shapes, self._moves = {name: each.shapes for name, each in model.grippers.items()}, closings(model)
+        self._shapes = {name: each.shapes for name, each in model.grippers.items()}
+        assert model.hand is not None  # a loaded model has it
+        self._moves = {name: closing_poses(model.hand, name, fractions()) for name in model.grippers}
         self._grasps: Grasps | None = None
         self._hands: list[Any] = []
         gui = server.gui
@@ -103,7 +105,7 @@ def hand_mesh(shapes: Any, moves: np.ndarray, closed: float) -> tuple[np.ndarray
 
     Args:
         shapes: of the open hand.
-        moves: (S, shapes, 4, 4), `grasps.page.closings`; between two of the S it goes straight.
+        moves: (S, shapes, 4, 4), `hands.hand.closing_poses`; between two of the S it goes straight.
     """
     at = closed * (len(fractions()) - 1)
     low = min(int(at), len(moves) - 2)

@@ -51,7 +51,7 @@ def memory(process: int) -> list[int]:
 
 
 def main() -> None:
-    model = next((word.partition("=")[2] for word in sys.argv[1:] if word.startswith("model=")), "data/judge/panda")
+    model = next((word.partition("=")[2] for word in sys.argv[1:] if word.startswith("model=")), "panda")
     cloud = scene("one", np.random.default_rng(0))
     file = np.hstack([cloud.points, cloud.normals]).astype(np.float32)
     with tempfile.TemporaryDirectory() as folder:

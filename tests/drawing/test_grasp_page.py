@@ -1,4 +1,4 @@
-"""The page and the picture of a cloud with grasps: shapes in space by hand, and the page in a real browser."""
+"""The page and the picture of a cloud with grasps: shapes in space by hand, and what stands in the page."""
 
 import json
 import re
@@ -7,20 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from asymmetric import EXACT, GRIPPERS, asymmetric
-from browser import needs_browser, opened
+from shown_grasps import ball, write_shown
 
 from spgf_torch.drawing.grasp_page import write_scene_page
-from spgf_torch.drawing.grasp_scene import PATCHES, Beside, look, pieces, scene_of
+from spgf_torch.drawing.grasp_scene import ELEVATION, PATCHES, look, pieces, scene_of
 from spgf_torch.drawing.outline import outline
-from spgf_torch.drawing.page_hands import fractions
 from spgf_torch.errors import InputError
-
-
-def ball(count: int = 400) -> tuple[np.ndarray, np.ndarray]:
-    """Points and normals of a ball of 40 mm."""
-    normals = np.random.default_rng(0).normal(size=(count, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.array([0.1, 0.2, 0.3]) + 0.04 * normals, normals
 
 
 def test_the_outline_ends_at_the_fingertips() -> None:
@@ -68,6 +60,16 @@ def test_the_eye_is_where_the_surface_was_seen_from(seen: list[float], towards: 
     assert np.linalg.det(eye.axes) == pytest.approx(1)
 
 
+def test_a_table_says_what_is_up() -> None:
+    """A camera's own frame, z forwards, above a table whose normal is (0, -0.8, -0.6), seen from the camera's side."""
+    up = np.array([0.0, -0.8, -0.6])
+    eye = look(np.tile([0.0, 0.0, -1.0], (10, 1)), up)
+    np.testing.assert_allclose(eye.up, up, atol=1e-12)
+    assert eye.towards @ up == pytest.approx(np.sin(np.radians(ELEVATION))) and eye.towards[2] < 0
+    np.testing.assert_allclose(eye.axes @ eye.axes.T, np.eye(3), atol=1e-12)
+    assert look(np.tile([0.0, 0.0, -1.0], (10, 1)), np.array([0.0, 0.0, -1.0])).up.tolist() == [0, 0, -1]
+
+
 def test_a_single_point_can_be_drawn() -> None:
     assert np.isfinite(scene_of(np.zeros((1, 3)), np.array([[0, 0, 1.0]]), [], GRIPPERS).patches).all()
 
@@ -78,65 +80,62 @@ def test_unusable_clouds_are_told_in_one_line(points: tuple[int, ...], normals: 
         scene_of(np.zeros(points), np.zeros(normals), [], GRIPPERS)
 
 
-def closing(way: float) -> np.ndarray:
-    """(9, 2, 4, 4): the two fingers of `GRIPPERS`, which close along x by `way` each."""
-    moves = np.tile(np.eye(4), (9, 2, 1, 1))
-    moves[:, 0, 0, 3], moves[:, 1, 0, 3] = way * fractions(), -way * fractions()
-    return moves
-
-
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Three grasps, with names of prototypes that would break a careless page."""
+    """Grasps, with names that would break a careless page."""
     folder = tmp_path_factory.mktemp("scene")
-    grasps = [asymmetric(), asymmetric("NPG", 0.5), asymmetric("WPG", 0.0)]
-    names = [f"</script><b>rim {i}" for i in range(8)]
-    beside = Beside(closing={"WPG": closing(0.04), "NPG": closing(0.02)})
-    write_scene_page(folder / "grasps.html", folder / "grasps.png", *ball(), grasps, GRIPPERS, names, beside)
+    write_shown(folder)
     return folder
 
 
-def test_the_page_needs_nothing_else(written: Path) -> None:
-    text = (written / "grasps.html").read_text()
-    assert text.count("plotly.js v") == 1  # the banner of the library
-    own = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)  # plotly.js itself has addresses, unused
+def content(page: Path) -> dict:
+    return json.loads(re.search(r'<script type="application/json" id="content">(.*?)</script>', page.read_text())[1])
+
+
+def test_the_page_needs_nothing_else_and_is_small(written: Path) -> None:
+    text = (written / "index.html").read_text()
+    assert len(text) < 1_500_000 and {path.name for path in written.iterdir()} == {"index.html", "grasps.png"}
+    own = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)  # three.js itself has addresses, unused
     assert not re.search(r"""(src|href)=["']?(https?:)?//|url\(["']?(https?:)?//|@import""", own)
-    content = json.loads(re.search(r'<script type="application/json">(.*?)</script>', text, re.DOTALL)[1])
-    assert [len(content[key]) for key in ("outlines", "hands", "approaches")] == [3, 3, 3]
-    assert [hand["type"] for hand in content["hands"]] == ["WPG", "NPG", "WPG"]
-    wide = content["shapes"]["WPG"]
-    assert wide["starts"] == [0, 8, 16] and min(wide["x"]) == -50 and max(wide["z"]) == 15
-    assert wide["moves"][4] == [[1, 0, 0, 20, 0, 1, 0, 0, 0, 0, 1, 0], [1, 0, 0, -20, 0, 1, 0, 0, 0, 0, 1, 0]]
-    assert content["hands"][0]["pose"][:4] == [0, -0.866025, 0.5, 100]
-    assert [line["line"]["color"] for line in content["outlines"][1:]] == ["#f2b33d", "#c8102e"]
-    words = content["outlines"][0]["text"]
-    assert all(part in words for part in ("<b>1</b>", "WPG", "88 %", "42 votes", "rim 7 71 %", "rim 3 29 %"))
-    assert "&lt;/script&gt;" in words and "</script>" not in words
+    assert "default-src 'none'" in own and text.count("</script>") == 3 and "$" not in own.split("<style>")[0]
     assert (written / "grasps.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
-    assert {path.name for path in written.iterdir()} == {"grasps.html", "grasps.png"}
+
+
+def test_hostile_names_are_text(written: Path) -> None:
+    text = (written / "index.html").read_text()
+    assert "<b>evil" not in text and "<img src=x" not in text and "</script><b>" not in text
+    assert "Grasps for &lt;img src=x onerror=alert(1)&gt;.pcd" in text
+    assert "spgf predict &#x27;a &quot;b&quot;&#x27;" in text
+    found = content(written / "index.html")
+    assert found["prototypes"]["7"]["name"] == "</script><b>evil 7"
+
+
+def test_what_is_said_of_the_page(written: Path) -> None:
+    text = (written / "index.html").read_text()
+    for name, value in (("hand", "claw"), ("model", "claw (3b6d4dc3)"), ("grasps", "4")):
+        assert f"<dt>{name}</dt><dd>{value}</dd>" in text
+    assert '<p class="doubt">nothing sure &lt;b&gt;</p>' in text
+    assert "<h2>Input</h2><ul><li>voxels of 2 mm</li></ul>" in text and "<h2>Model</h2>" in text
+
+
+def test_the_table_has_each_grasp(written: Path) -> None:
+    """Rank 3: target 2, probability 0.3, judged (0.6, 0.5); TCP (100, 200, 300) mm, approach (0.5, 0, 0.87)."""
+    rows = re.findall(r"<tr>(.*?)</tr>", (written / "index.html").read_text())
+    cells = [re.sub("<[^>]*>", "", cell) for cell in re.findall(r"<td.*?</td>", rows[3])]
+    assert [" ".join(cell.split()) for cell in cells] == [
+        "3",
+        "WPG",
+        "2",
+        "30.0",
+        "60",
+        "50",
+        "100 200 300",
+        "0.50 0.00 0.87",
+    ]
 
 
 def test_a_page_without_grasps(tmp_path: Path) -> None:
     write_scene_page(tmp_path / "a.html", tmp_path / "a.png", *ball(), [], GRIPPERS)
-    assert "0 grasps" in (tmp_path / "a.html").read_text()
-
-
-@needs_browser
-def test_a_browser_turns_and_chooses(written: Path, tmp_path: Path) -> None:
-    """A grasp is chosen in the table, its whole hand is drawn, and nothing goes wrong on the way."""
-    then = """<script>addEventListener("DOMContentLoaded", () => {
-      document.querySelectorAll("#ranked tbody tr")[1].click();
-      const plot = document.querySelector(".plot");
-      const slider = document.querySelector(".close input"), before = plot.data.at(-2).y[0];
-      slider.value = 0.75;
-      slider.dispatchEvent(new Event("input"));
-      console.log("drawn", plot.data.length, document.querySelector("select").selectedIndex,
-        (plot.data.at(-2).y[0] - before).toFixed(2));
-    });</script></body>"""
-    page, picture = tmp_path / "page.html", tmp_path / "page.png"
-    page.write_text((written / "grasps.html").read_text().replace("</body>", then))
-    console = opened(page, picture)
-    wrong = [line for line in console if "Error" in line or "Uncaught" in line or ":ERROR:" in line or "ERR_" in line]
-    assert not wrong and picture.stat().st_size > 20_000, console
-    # Cloud, 3 outlines, ranks, bar; hand and its way. The first finger closes along +y of the input by 3/4 of 20 mm.
-    assert any('"drawn 8 2 15.00"' in line for line in console), console
+    text = (tmp_path / "a.html").read_text()
+    assert "<dt>grasps</dt><dd>0</dd>" in text and "<p>No grasp.</p>" in text
+    assert content(tmp_path / "a.html")["hands"] == {}

@@ -7,7 +7,7 @@ import pytest
 import torch
 from proposing_models import CONFIG, VOLUMES
 
-from spgf_torch.drawing.judge_words import weighed_words
+from spgf_torch.drawing.judge_words import SHOWN, WeighedNumber, weighed_words
 from spgf_torch.predictor import block
 from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.judge import KNOWN, Judge
@@ -58,12 +58,15 @@ def test_a_judge_alone_tells_what_it_weighed() -> None:
 def test_words_have_units() -> None:
     weights = [Weight("worst_finger", 0.12, 0.4, 1.0), Weight("margin", 0.006, 0.004, -0.5), Weight("type", 0, 1, 0.2)]
     assert weighed_words(weights, ("NPG", "WPG")) == (
-        "+ unseen space in the worse finger 12 % (usual 40 %); - nearest point to the hand 6 mm (usual 4 mm); "
-        "+ grasp type NPG (usual WPG)"
+        WeighedNumber("unseen space in the worse finger", "12 %", "40 %", 1.0),
+        WeighedNumber("nearest point to the hand", "6 mm", "4 mm", -0.5),
+        WeighedNumber("grasp type", "NPG", "WPG", 0.2),
     )
-    assert weighed_words([Weight("new", 0.5, 0.25, 1.0)], ()) == "+ new 0.50 (usual 0.25)"
+    assert weighed_words([Weight("new", 0.5, 0.25, 1.0)], ()) == (WeighedNumber("new", "0.50", "0.25", 1.0),)
+    assert len(weighed_words([Weight("new", 0.5, 0.25, 1.0)] * 9, ())) == SHOWN
 
 
 def test_every_number_has_words() -> None:
     for name in NAMES:
-        assert not weighed_words([Weight(name, 0.0, 1.0, 1.0)], ("NPG", "WPG")).startswith(f"+ {name} "), name
+        (told,) = weighed_words([Weight(name, 0.0, 1.0, 1.0)], ("NPG", "WPG"))
+        assert told.words != name

@@ -21,7 +21,7 @@ from spgf_torch.proposing.propose import Proposer
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.settings import settings
 
-JUDGE = ROOT / "data/judge/panda"
+JUDGE = ROOT / "data/models/panda"
 THREADS = 8
 
 bare = Predictor(None, settings(SensingConfig), GRIPPERS, None, 0.1)
@@ -105,7 +105,6 @@ def test_many_threads_get_what_one_gets(fresh: Callable[[], Predictor]) -> None:
 @needs_judge
 def test_grasps_of_a_model_save_and_show_their_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the frame of the scene, also where the grasps were moved to another; the file follows the grasps."""
-    pytest.importorskip("plotly")
     model, opened = by_judge(), list[str]()
     monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) or True)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

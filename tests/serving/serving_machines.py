@@ -87,7 +87,7 @@ def serving(folder: Path, *overrides: str) -> Iterator[Running]:
     temporary = folder / "temporary"
     temporary.mkdir()
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(temporary)}
-    command = [sys.executable, "-m", "spgf_torch", "serve", "port=0", f"model={ROOT / 'data/judge/panda'}", *overrides]
+    command = [sys.executable, "-m", "spgf_torch", "serve", "port=0", f"model={ROOT / 'data/models/panda'}", *overrides]
     log = (folder / "log").open("w+")
     process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=log, text=True)
     assert process.stdout is not None

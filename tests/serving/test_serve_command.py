@@ -78,7 +78,7 @@ def test_grasps_are_those_of_the_library(
     server: Running, client: Client, cloud: np.ndarray, seen: tuple[np.ndarray, Camera]
 ) -> None:
     """Of a raw body, of a form, of JSON and of a file; and of a depth image with its camera."""
-    model = spgf_torch.load(ROOT / "data/judge/panda")
+    model = spgf_torch.load(ROOT / "data/models/panda")
     scene = spgf_torch.Scene.from_points(cloud, EYE, sensing=model.sensing, table=TABLE)
     expected = model.predict(scene, 2).to_dict()
     raw = asked(server, npy(cloud), f"?viewpoint={','.join(map(str, EYE))}&table=0,0,1,0&top=2").json
@@ -270,7 +270,7 @@ def test_the_commands_of_the_how_to_are_answered(
 
 
 def test_a_port_in_use_is_told(server: Running, tmp_path: Path) -> None:
-    done = call("serve", f"port={server.port}", f"model={ROOT / 'data/judge/panda'}", cwd=tmp_path)
+    done = call("serve", f"port={server.port}", f"model={ROOT / 'data/models/panda'}", cwd=tmp_path)
     assert done.returncode == 2 and done.stderr.startswith(
         f"serve: port: expected a free one of 127.0.0.1, got {server.port}"
     )

@@ -89,7 +89,7 @@ def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, Pag
     import viser
 
     folder, said, stop = tmp_path_factory.mktemp("frames"), list[str](), Event()
-    model = spgf_torch.load(ROOT / "data/judge/panda")
+    model = spgf_torch.load(ROOT / "data/models/panda")
     server = viser.ViserServer("127.0.0.1", 18080, verbose=False)
     page = Page(server, model, 20)
     config = settings(input=str(folder), table=[0, 0, 1, 0], every=0.05)
