@@ -45,6 +45,7 @@ def test_two_objects_leave_a_model_and_no_rate(pair: Path) -> None:
     assert results["no_rates"] == "2 objects, too few for a cross-validation, which takes 4"
     assert {results[key] for key in RATES} == {None} and results["folds"] == 0
     assert {path.name for path in (pair / "run").iterdir()} == {
+        "hand",
         "results.json", "model.json", "model.safetensors", "README.md"
     }  # fmt: skip
     card = (pair / "run/README.md").read_text()
