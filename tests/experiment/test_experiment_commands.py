@@ -94,7 +94,7 @@ def test_train_leaves_what_the_contract_says(small: Path) -> None:
     run = small / "outputs/train/latest"
     assert {p.name for p in run.iterdir()} == {
         "config.yaml", "results.json", "per_object.csv", "predictions.parquet",
-        "model.safetensors", "model.json", "README.md", "fold_models", "hand", "hand",
+        "model.safetensors", "model.json", "README.md", "fold_models", "hand",
     }  # fmt: skip
     results = json.loads((run / "results.json").read_text())
     assert (
