@@ -1,6 +1,6 @@
 # spgf_torch on the CPU: the wheel alone, without the checkout. Build and run:
 #   docker build -t spgf_torch --build-arg TORCH_INDEX=INDEX .
-#   docker run --rm --user $(id -u):$(id -g) -v $PWD:/work spgf_torch predict input=cloud.pcd table=find model=data/judge/panda
+#   docker run --rm --user $(id -u):$(id -g) -v $PWD:/work spgf_torch predict input=cloud.pcd table=find hand=panda
 # INDEX: that of torch's builds for the CPU; without it pip may take one with gigabytes of CUDA.
 ARG PYTHON=3.12
 

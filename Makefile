@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
-.PHONY: train paper test quick check docs bench fuzz trials judges wheel clean mutants
+.PHONY: train paper test quick check docs bench fuzz trials judges models wheel clean mutants
 train: $(READY)
 	$(BIN)/python -m spgf_torch.train +K=20
 
@@ -57,11 +57,23 @@ trials: $(READY)
 	rm -f data/trials/SHA256SUMS
 	$(BIN)/python -m spgf_torch.simulate out=data/trials
 
-# The committed judges, each with the trials that it was learned from (half an hour on two cores).
+# The committed judges, each with the trials that it was learned from (half an hour on two cores); trials in data/judge, the
+# judges themselves in data/models, beside the votes.
 judges: $(READY)
 	rm -rf data/judge
 	$(BIN)/python -m spgf_torch.judge hand=panda +context=tabletop hydra.run.dir=data/judge/panda
 	$(BIN)/python -m spgf_torch.judge hand=sdh2 trials=data/trials +context=tabletop hydra.run.dir=data/judge/sdh2
+	for hand in panda sdh2; do cd data/judge/$$hand && mv judge.json judge.safetensors README.md ../../models/$$hand && rm -r hand && cd ../../..; done
+
+# The shipped models: votes made small beside the committed judges (an hour or two on two cores); of hands without a judge of
+# scenes, with one that train learns.
+models: $(READY)
+	$(BIN)/python -m spgf_torch.simulate hand=panda candidates=300 out=outputs/panda_trials
+	$(BIN)/python -m spgf_torch.train +K=20 hydra.run.dir=outputs/models/sdh2
+	$(BIN)/python -m spgf_torch.train +K=20 hand=panda trials=outputs/panda_trials hydra.run.dir=outputs/models/panda
+	for hand in robotiq_2f; do $(BIN)/python -m spgf_torch.train +K=20 hand=$$hand judge=learn hydra.run.dir=outputs/models/$$hand; done
+	for hand in panda sdh2; do $(BIN)/python -m spgf_torch.pack model=outputs/models/$$hand judge=data/models/$$hand out=data/models/$$hand replace=true; done
+	for hand in robotiq_2f; do $(BIN)/python -m spgf_torch.pack model=outputs/models/$$hand out=data/models/$$hand replace=true; done
 
 # Readers of files, with changed bytes, for so many seconds (tests/fuzz).
 FUZZ_SECONDS ?= 300

@@ -1,6 +1,6 @@
 """Grasps for every frame of a depth camera: no mesh, no Hydra, nothing written.
 
-    python docs/live_loop.py [RUN] [FRAMES]      RUN: a folder that train left; outputs/train/latest
+    python docs/live_loop.py [MODEL] [FRAMES]      MODEL: a name or folder; panda
 
 A simulated camera goes round a mug here. For your own, yield your clouds from `frames`: (N, 3), m, camera frame. Of a
 ROS 2 PointCloud2 they are `spgf_torch.ros.clouds.read_cloud(message).points`, and in a node the body of the loop is the
@@ -57,6 +57,6 @@ def main(run: str, count: int) -> None:
 
 if __name__ == "__main__":
     try:
-        main(sys.argv[1] if len(sys.argv) > 1 else "outputs/train/latest", int(sys.argv[2]) if len(sys.argv) > 2 else 8)
+        main(sys.argv[1] if len(sys.argv) > 1 else "panda", int(sys.argv[2]) if len(sys.argv) > 2 else 8)
     except (InputError, ValueError) as error:
         sys.exit(f"live_loop: {error}")

@@ -88,16 +88,17 @@ def _uncollected() -> Iterator[None]:
 def load(
     folder: str | Path, device: str = "cpu", judge: str | Path | None = None, proposing: str | None = None
 ) -> Predictor:
-    """Load what `train` or `judge` left in `folder`, and the hand that it was learned for.
+    """Load the model in `folder`, or of that name, and the hand that it was learned for.
 
     A judge in the folder proposes, and ranks by probability; so does one of the same hand in the folder `judge`. With
     `judge="none"` the votes do, as they do where there is no judge. The first prediction takes seconds more than the
     others; `load(folder).ready()` has that done now, such as before a robot's first cloud comes.
 
     Args:
-        folder: such as `outputs/train/latest`, or `data/judge/panda`, which comes with the package.
+        folder: a folder, the name of a model (`models/NAME`, or one that comes with the package, as `panda` does), or
+            `latest`: what `train` did last.
         device: `cpu`, or an accelerator that torch knows, such as `cuda`.
-        judge: the folder of a judge, or `none`.
+        judge: name or folder of a judge, or `none`.
         proposing: `clutter`: what is planned for is a whole table of things, or stands among others (conf/proposing).
 
     Raises:
@@ -106,7 +107,7 @@ def load(
     A ball of 3 cm radius, seen from all around:
 
     >>> import spgf_torch, torch
-    >>> model = spgf_torch.load("data/judge/panda")
+    >>> model = spgf_torch.load("panda")
     >>> outwards = torch.nn.functional.normalize(torch.randn(20000, 3, generator=torch.Generator().manual_seed(0)))
     >>> scene = spgf_torch.Scene.from_points((0.03 * outwards).numpy(), normals=outwards.numpy())
     >>> grasps = model.predict(scene, top=3)

@@ -20,6 +20,7 @@ COMMANDS = {
     "hand": "check and draw a hand, or describe a bare URDF: hand=FILE",
     "judge": "learn a hand's judge of grasp hypotheses, from trials of its own choosing",
     "clutter": "tables full of things, cleared grasp by grasp in SAPIEN: arrangement=packed|pile views=...",
+    "pack": "keep a model by a name, in few bytes, with judge, hand and card: model=latest name=NAME",
     "export": "a trial table as a data set in other formats: format=...",
     "report": "Table 1, the figures and one page from runs of train",
     "compare": "descriptors and the learned baseline side by side",

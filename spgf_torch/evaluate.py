@@ -12,7 +12,7 @@ from spgf_torch.cli.command import run_command
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig
 from spgf_torch.extras import needed
-from spgf_torch.files.given_paths import NONE, check_folder, model_and_judge
+from spgf_torch.files.given_paths import NONE, check_folder, model_and_judge, model_folder
 from spgf_torch.paths import find
 from spgf_torch.progress import ProgressReporter, show
 
@@ -45,12 +45,14 @@ def run(config: EvaluateConfig, folder: Path) -> None:
     from spgf_torch.simulation.execute import Trials
 
     check_device(config.device)
+    config = _with_hand(config)
     stages = ProgressReporter()
     meets = None if config.model == NONE else models(config)
     objects, start = _objects(config), time.perf_counter()
     judge = _judge(config)
     known = _known(objects, meets(objects[0]).model if meets else None, judge, config)
-    for line in (doubts := known_lines(known, judge, len(objects))):
+    which = asked(meets(objects[0]).model if meets else None, judge, config)
+    for line in (*which, *(doubts := known_lines(known, judge, len(objects)))):
         show(line)
     loaded = [meets(obj) for obj in objects] if meets else []
     if config.candidates == "proposed":
@@ -120,9 +122,17 @@ def _resolved(config: EvaluateConfig) -> EvaluateConfig:
             "has not seen is in its README.md, and train ranking=judge cross-validates judges on candidates"
         )
     if config.held_out:
-        return replace(config, judge=None)
+        return replace(config, model=str(model_folder(config.model)), judge=None)
     votes, judge = model_and_judge(config.model, config.judge if config.candidates == "proposed" else NONE)
     return replace(config, model=str(votes or NONE), judge=None if judge is None else str(judge))
+
+
+def _with_hand(config: EvaluateConfig) -> EvaluateConfig:
+    """With the URDF that the model's folder carries, where the description's own is gone."""
+    from spgf_torch.hands.carried_hand import found
+
+    folder = config.judge if config.model == NONE else config.model
+    return config if folder is None else replace(config, hand=found(config.hand, find(folder)))
 
 
 def _judge(config: EvaluateConfig) -> Judge | None:
@@ -146,6 +156,14 @@ def _known(
     if judge is not None:
         return sum(obj.digest in judge.taught.values() for obj in objects)
     return 0 if config.held_out or model is None else learned_from(objects, model)
+
+
+def asked(model: GraspModel | None, judge: Judge | None, config: EvaluateConfig) -> list[str]:
+    """Whose grasps these are: a line each of the model and the judge."""
+    from spgf_torch.proposing.model_folder import Identity
+
+    parts = (("model", model, config.model), ("judge", judge, config.judge))
+    return [f"{name}: {folder}, {Identity.of(part).words()}" for name, part, folder in parts if part is not None]
 
 
 def known_lines(known: int, judge: Judge | None, count: int) -> list[str]:

@@ -31,13 +31,17 @@ def by_type(grasps: Sequence[Grasp], grasp_types: Iterable[str]) -> str:
 
 
 def _ranking(predictor: Predictor, votes: Path | None, judge: Path | None, scene: Scene) -> list[str]:
-    """What was loaded, which of it ranks, and what the judge knows: a line each."""
+    """What was loaded, which model it is, which of it ranks, and what the judge knows: a line each."""
+    from spgf_torch.proposing.model_folder import Identity
+
     lines = []
     if votes is not None and predictor.model is not None:
         ranks = "its votes rank" if judge is None else "its votes are shown beside each grasp"
-        lines.append(f"model: {votes.resolve()}, K = {len(predictor.model.centres)}; {ranks}")
-    if judge is not None:
-        lines.append(f"judge: {judge.resolve()}, which ranks, {scene.unseen or 'without unseen space'}")
+        which, K = Identity.of(predictor.model).words(), len(predictor.model.centres)
+        lines.append(f"model: {votes.resolve()}, {which}, K = {K}; {ranks}")
+    if judge is not None and predictor.judged is not None:
+        which = Identity.of(predictor.judged.judge).words()
+        lines.append(f"judge: {judge.resolve()}, {which}, which ranks, {scene.unseen or 'without unseen space'}")
     return lines
 
 
@@ -112,10 +116,8 @@ def _predict(config: PredictConfig, folder: Path, loaded: Callable[[], Predictor
     with stages.stage("scene", 1, "input") as advance:
         scene = read_scene(config, sensing, np.random.default_rng(config.seed))
         advance(1)
-    for note in scene.notes:
-        show(note)
     predictor = loaded()
-    for line in (ranking := _ranking(predictor, votes, judge, scene)):
+    for line in (*(ranking := _ranking(predictor, votes, judge, scene)), *scene.notes):
         show(line)
     start = time.perf_counter()
     with stages.stage("grasps", len(scene.texlets), "texlets") as advance:
@@ -125,7 +127,7 @@ def _predict(config: PredictConfig, folder: Path, loaded: Callable[[], Predictor
 
     doubts = _doubts(grasps, predictor, scene)
     save(grasps, folder)
-    write_page(grasps, folder, [line for line in (doubts, *(ranking if judge else ())) if line])
+    write_page(grasps, folder, [line for line in (doubts, *ranking) if line])
     _tell(grasps, predictor, scene, config.N, (doubts, left_out(grasps)))
     counted = by_type(grasps, predictor.grippers)
     show(f"{len(grasps)} grasps ({counted}) from {len(scene.texlets)} texlets in {seconds:.2f} s")

@@ -14,17 +14,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
 from spgf_torch.affordance.model import GraspModel, check_device, load_model, model_settings
 from spgf_torch.affordance.sensed_collision import hand_volumes
+from spgf_torch.affordance.small_config import SmallConfig
 from spgf_torch.errors import InputError
-from spgf_torch.files.given_paths import model_and_judge
+from spgf_torch.files.given_paths import check_free, model_and_judge
 from spgf_torch.grasps.grasps import Grasps, Source
+from spgf_torch.hands.carried_hand import load_carried
 from spgf_torch.hands.config import HandConfig
-from spgf_torch.hands.hand import Hand, load_hand
+from spgf_torch.hands.hand import Hand
 from spgf_torch.hands.records import Grasp, Gripper, grippers_of, make_grasp
 from spgf_torch.proposing.bodies import bodies_of
 from spgf_torch.proposing.borders import Borders
@@ -34,6 +37,7 @@ from spgf_torch.proposing.hidden_space import hidden_places
 from spgf_torch.proposing.judge import Judge, load_judge
 from spgf_torch.proposing.judge_features import Seen
 from spgf_torch.proposing.judge_proposer import JudgedProposer
+from spgf_torch.proposing.model_folder import Identity, body, write_model
 from spgf_torch.proposing.proposals import Proposals
 from spgf_torch.proposing.propose import Proposer
 from spgf_torch.prototypes.naming import prototype_names
@@ -63,7 +67,8 @@ class Predictor:
         retreat: m between pregrasp and grasp.
         judged: who proposes in the place of the votes; None: the votes do.
         judge_folder: where that judge was loaded from.
-        hand: the loaded hand, for whoever draws it closing.
+        hand: the loaded hand, as its folder carries it, for whoever draws it closing.
+        folder: where the votes were loaded from.
     """
 
     model: GraspModel | None
@@ -74,6 +79,7 @@ class Predictor:
     judged: JudgedProposer | None = None
     judge_folder: Path | None = None
     hand: Hand | None = None
+    folder: Path | None = None
 
     @staticmethod
     def load(
@@ -100,14 +106,50 @@ class Predictor:
         its_judge = None if ranks is None else load_judge(ranks)
         model = None if votes is None else load_model(votes, device)
         hand = (model or its_judge).settings["hand"]  # type: ignore[union-attr]
-        loaded = load_hand(typed(HandConfig, hand))
+        folder_of_hand = votes or ranks
+        assert folder_of_hand is not None  # one of them is there
+        loaded = load_carried(typed(HandConfig, hand), folder_of_hand)
         grippers, volumes = grippers_of(loaded), hand_volumes(loaded)
         if model is None:
             alone = JudgedProposer.alone(its_judge, volumes, config)  # type: ignore[arg-type]
             return Predictor(None, sensing, grippers, None, retreat, alone, ranks, loaded)
         proposer = Proposer.of(model, config, volumes)
         beside = _with_votes(its_judge, proposer)
-        return Predictor(model, sensing, grippers, proposer, retreat, beside, ranks, loaded)
+        return Predictor(model, sensing, grippers, proposer, retreat, beside, ranks, loaded, votes)
+
+    @staticmethod
+    def from_pretrained(name: str | Path, **how: Any) -> Predictor:
+        """The model of a name, or in a folder: the same as `load`, called as the Hugging Face Hub calls it.
+
+        The folder is a plain one, such as a downloaded copy of a model repository: nothing is fetched here.
+        """
+        return Predictor.load(name, **how)
+
+    def save_pretrained(self, folder: str | Path, small: bool = True, replace: bool = False) -> Path:
+        """Write all of it into a folder that works anywhere: votes, judge, hand, a card with the Hub's header.
+
+        Args:
+            small: votes with points left out and rounded (conf/small), a twentieth of the bytes.
+            replace: a model that is there.
+
+        Raises:
+            InputError: something else is there, or a model and not `replace`.
+        """
+        assert self.hand is not None
+        place = check_free(Path(folder).expanduser(), replace, "folder")
+        judge = None if self.judged is None else self.judged.judge
+        cards = "\n".join(body(each) for each in dict.fromkeys((self.folder, self.judge_folder)))
+        write_model(place, self.model, judge, self.hand, settings(SmallConfig) if small else None, cards)
+        return place
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Which model this is: its folder, and of votes and judge hand, objects, date and digest."""
+        judge = None if self.judged is None else self.judged.judge
+        folder = self.folder or self.judge_folder
+        parts = {"votes": self.model, "judge": judge}
+        said = {name: Identity.of(part).to_dict() for name, part in parts.items() if part is not None}
+        return {"folder": None if folder is None else str(folder.resolve()), **said}
 
     def ready(self) -> Predictor:
         """Do now what the first prediction would do besides: tables of the model, and compiled loops; seconds."""
@@ -216,7 +258,7 @@ class Predictor:
             known = {"unseen_space": scene.views is not None, "known": scene.unseen}
             said = {"folder": folder, **known, "sure": self.judged.judge.sure}
         source = Source(self, scene, np.eye(4))
-        return Grasps(tuple(grasps), self.grippers, tuple(self.names), said, source)
+        return Grasps(tuple(grasps), self.grippers, tuple(self.names), said, source, self.identity)
 
     def _places(self, avoid: object) -> torch.Tensor:
         """(A, 3) f32 places; InputError for anything else, and where the settings say of none how near is near."""

@@ -86,9 +86,11 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     Image.fromarray((1000 * depth).round().astype(np.uint16)).save(folder / "depth.png")
     Image.fromarray(marked(depth, camera).astype(np.uint8)).save(folder / "labels.png")
     np.savetxt(folder / "K.txt", camera.K)
-    model = spgf_torch.load(ROOT / "data/judge/panda")
+    model = spgf_torch.load(ROOT / "data/models/panda")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(spgf_torch, "load", lambda path: {"outputs/train/latest": model}[path])
+        patch.setattr(
+            spgf_torch, "load", lambda path: {"panda": model, "latest": model, "outputs/train/latest": model}[path]
+        )
         yield folder
 
 

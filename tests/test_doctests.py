@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-JUDGE = ROOT / "data/judge/panda/judge.json"
+JUDGE = ROOT / "data/models/panda/judge.json"
 MODULES = (
     "spgf_torch",
     "spgf_torch.affordance.model",

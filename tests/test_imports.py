@@ -67,7 +67,7 @@ def votes(folder: Path, K: int = 3) -> Path:
 
 
 def test_models_are_loaded_without_what_only_learning_and_reports_need(tmp_path: Path) -> None:
-    judge = ROOT / "data/judge/panda"
+    judge = ROOT / "data/models/panda"
     folders = [str(folder) for folder in (votes(tmp_path), judge) if folder != judge or judge.is_dir()]
     done = python("-c", LOAD.format(folders=folders, heavy=NOT_FOR_A_MODEL), cwd=tmp_path)
     assert done.stdout == "\n", (done.stdout, done.stderr)

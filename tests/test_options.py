@@ -28,8 +28,8 @@ def overrides(command: str, *arguments: str) -> list[str]:
     [
         ("predict", "mug.ply --viewpoint 0 0.5 -2", "viewpoints=[0,0.5,-2] input=mug.ply"),
         ("predict", "--viewpoint 0 0 1 --viewpoint 2 0 0 mug.ply", "viewpoints=[[0,0,1],[2,0,0]] input=mug.ply"),
-        ("predict", "input=mug.ply --hand panda N=3", "input=mug.ply N=3 model=data/judge/panda"),
-        ("predict", "input=mug.ply hand=panda", "input=mug.ply model=data/judge/panda"),
+        ("predict", "input=mug.ply --hand panda N=3", "input=mug.ply N=3 model=data/models/panda"),
+        ("predict", "input=mug.ply hand=panda", "input=mug.ply model=data/models/panda"),
         ("predict", "--N 5 a.ply b.ply", "N=5 input=['a.ply','b.ply'] batch=true"),
         ("predict", "-N 5 7.ply", "N=5 input=7.ply"),
         ("predict", "--input a.ply --input b.ply", "input=['a.ply','b.ply']"),
@@ -93,7 +93,7 @@ def test_what_is_wrong_is_told_in_one_line(command: str, given: str, words: list
 
 
 def test_every_shipped_judge_is_a_hand() -> None:
-    names = [path.parent.name for path in (ROOT / "data/judge").glob("*/judge.json")]
+    names = [path.parent.name for path in (ROOT / "data/models").glob("*/judge.json")]
     assert "panda" in names and all(Path(ROOT, model_of_hand(name), "judge.json").is_file() for name in names)
 
 

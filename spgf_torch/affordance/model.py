@@ -7,9 +7,9 @@ code when read. Each carries its own digest (`digests`), and `model.json` that o
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +19,20 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 from torch import Tensor
 
-from spgf_torch.affordance.calibration import NUMBERS, Calibration, uncalibrated
+from spgf_torch.affordance.calibration import Calibration, uncalibrated
 from spgf_torch.affordance.config import AffordanceConfig
+from spgf_torch.affordance.model_checks import CONDENSED, TENSORS, check_digest, check_shapes, check_values
 from spgf_torch.affordance.neighbourhood import Condensed, condense
 from spgf_torch.affordance.pairs import CellPairs, grid_of, shape_grasp_particles
+from spgf_torch.affordance.small_config import SmallConfig
+from spgf_torch.affordance.small_points import TENSORS as CODED
+from spgf_torch.affordance.small_points import coded, decoded
 from spgf_torch.affordance.voting import Votes, VotingIndex, cast_votes
 from spgf_torch.errors import InputError
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.features.descriptors import width
-from spgf_torch.files.digests import BLANK, KEY, check_seal, digest_of, sealed, sealed_json
-from spgf_torch.files.reading import existing, json_values, unreadable
+from spgf_torch.files.digests import BLANK, KEY, sealed, sealed_json
+from spgf_torch.files.reading import json_values, unreadable
 from spgf_torch.files.writing import write_bytes
 from spgf_torch.geometry.se3_grid import Kernel, SE3Grid, gaussian_kernel
 from spgf_torch.hands.config import HandConfig, grasp_types
@@ -41,18 +45,8 @@ __all__ = ["GraspModel", "learn", "load_model", "model_settings", "save_model", 
 FORMAT = "spgf_torch model"
 SCHEMA = 4
 DIGEST = "tensors_sha256"  # key in model.json: SHA-256 of model.safetensors
-LARGEST_HEADER = 1_000_000  # bytes in which model.safetensors says what is in it
-# Tensors of a model in the file; partitions were called slices when the format was made.
-_CONDENSED = {
-    "slice_start": "partition_start",
-    "cell": "cell",
-    "probability": "probability",
-    "support": "support",
-    "base_rate": "base_rate",
-}
-_TENSORS = ("centres", "calibration", *_CONDENSED)
-
-
+SMALL = "small"  # key in model.json of a small one: of what it is, and how many points were left out
+SMALL_TENSORS = ("centres", "calibration", "slice_start", "base_rate", *CODED)
 # What model.json must say: the settings of the rooms that made the model.
 _SETTINGS: dict[str, type] = {
     "sensing": SensingConfig,
@@ -62,8 +56,6 @@ _SETTINGS: dict[str, type] = {
     "hand": HandConfig,
 }
 _SECTIONS = {"lattice": {"reach", "voxel", "rotation_deg"}, "settings": set(_SETTINGS)}
-_LOWEST = {"cell": 0.0, "probability": 0.0, "support": 0.0, "base_rate": 0.0}
-_HIGHEST = {"probability": 1.0, "base_rate": 1.0}
 
 
 @dataclass(frozen=True)
@@ -76,6 +68,7 @@ class GraspModel:
         grid: the cells that `condensed.cell` counts.
         calibration: from a grasp's log-odds score to its probability of success.
         settings: the resolved settings of the rooms that made it, as plain values.
+        about: what its file says beside: `date` of learning, digest of the tensors, and of a `small` one what it is of.
     """
 
     centres: Tensor
@@ -83,6 +76,7 @@ class GraspModel:
     grid: SE3Grid
     calibration: Calibration
     settings: dict[str, Any] = field(default_factory=dict)
+    about: dict[str, Any] = field(default_factory=dict)
 
     @property
     def descriptor(self) -> str:
@@ -149,21 +143,39 @@ def vote(index: VotingIndex, pairs: CellPairs, ids: Tensor) -> Votes:
     return cast_votes(index, shape_grasp_particles(pairs, ids, index.condensed.types), pairs.grasp)
 
 
-def save_model(model: GraspModel, folder: Path) -> int:
+def save_model(model: GraspModel, folder: Path, small: SmallConfig | None = None) -> int:
     """Write `model.safetensors` and then `model.json` into `folder`; returns the bytes of the former.
 
     Where only the first was written, the pair does not fit: `load_model` refuses it.
+
+    Args:
+        small: how points are left out and rounded, so that the model takes few bytes; None: all of it is written.
     """
     condensed = model.condensed
-    tensors = {key: getattr(condensed, name) for key, name in _CONDENSED.items()}
+    tensors = {key: getattr(condensed, name) for key, name in CONDENSED.items()}
+    learned_now = DIGEST not in model.about  # one from a file says itself when it was learned, or does not know
+    about: dict[str, Any] = {"date": datetime.now(UTC).date().isoformat()} if learned_now else {}
+    about |= {"date": model.about["date"]} if "date" in model.about else {}
+    if small is not None:
+        tensors = {"base_rate": condensed.base_rate, **coded(condensed, small)}
+        about[SMALL] = _small_of(model, int(tensors["slice_start"][-1]))
     tensors |= {"centres": model.centres, "calibration": model.calibration.numbers}
     content = sealed(save({name: t.contiguous().cpu() for name, t in tensors.items()}, {KEY: BLANK.decode()}))
     write_bytes(folder / "model.safetensors", content)
     lattice, digest = _lattice_section(model.grid), hashlib.sha256(content).hexdigest()
     document = {"format": FORMAT, "schema": SCHEMA, "lattice": lattice, "settings": model.settings, DIGEST: digest}
-    document["grasp_types"] = list(model.grasp_types)
+    document |= {**about, "grasp_types": list(model.grasp_types)}
     write_bytes(folder / "model.json", sealed_json(document, indent=1, sort_keys=True))
     return len(content)
+
+
+def _small_of(model: GraspModel, points: int) -> dict[str, Any]:
+    """Of what model a small one is: the digest of its tensors, where it came from a file, and how many points went."""
+    left_out = len(model.condensed.cell) - points
+    if SMALL in model.about:
+        before = model.about[SMALL]
+        return {**before, "points": points, "left_out": before["left_out"] + left_out}
+    return {"of": model.about.get(DIGEST), "points": points, "left_out": left_out}
 
 
 def check_device(name: str) -> None:
@@ -182,73 +194,25 @@ def load_model(folder: Path, device: str = "cpu") -> GraspModel:
     path = folder / "model.safetensors"
     if not path.is_file():
         raise InputError(f"{path}: expected the tensors of a model, found no such file")
-    _check_tensors(path, document.get(DIGEST))
+    check_digest(path, document.get(DIGEST))
     try:
         tensors = load_file(path, device=device)
     except (SafetensorError, OSError, ValueError, KeyError) as error:  # the latter: a type that torch has not
         raise unreadable(path, "a safetensors file", error) from None
-    missing = [name for name in _TENSORS if name not in tensors]
-    if missing:
-        raise InputError(f"{path}: expected the tensors {', '.join(_TENSORS)}; missing {', '.join(missing)}")
-    D = width(typed(FeatureConfig, document["settings"]["features"]))
-    _check_shapes(path, tensors, D, len(document["grasp_types"]))
+    needed = TENSORS if SMALL not in document else SMALL_TENSORS
+    if missing := [name for name in needed if name not in tensors]:
+        raise InputError(f"{path}: expected the tensors {', '.join(needed)}; missing {', '.join(missing)}")
     grid = grid_of(typed(AffordanceConfig, document["settings"]["affordance"]))
-    _check_values(path, tensors, grid)
+    if SMALL in document:
+        tensors |= {name: tensor.to(device) for name, tensor in decoded(path, tensors, grid.cells).items()}
+    D = width(typed(FeatureConfig, document["settings"]["features"]))
+    check_shapes(path, tensors, D, len(document["grasp_types"]))
+    check_values(path, tensors, grid)
     tensors["cell"] = tensors["cell"].int()
-    condensed = Condensed(*(tensors[key] for key in _CONDENSED))
+    condensed = Condensed(*(tensors[key] for key in CONDENSED))
     calibration = Calibration(tensors["calibration"])
-    return GraspModel(tensors["centres"], condensed, grid, calibration, document["settings"])
-
-
-def _check_tensors(path: Path, digest: str | None) -> None:
-    """Raises InputError for tensors that are damaged, of another `model.json`, or with a header made to hurt."""
-    with existing(path).open("rb") as file:
-        length = int.from_bytes(file.read(8), "little")
-    if length > LARGEST_HEADER:
-        raise InputError(f"{path}: expected a safetensors file with a header of {LARGEST_HEADER} bytes, got {length}")
-    if digest is not None and digest == digest_of(path):
-        return
-    if check_seal(path, "the tensors of a model") or digest is not None:
-        raise InputError(f"{path}: expected the tensors that model.json beside it was written with, got others")
-
-
-def _check_shapes(path: Path, tensors: dict[str, Tensor], D: int, types: int) -> None:
-    """Raises InputError where the tensors are not of so many grasp types, or centres do not have D numbers."""
-    for name, tensor in tensors.items():
-        whole = name in ("slice_start", "cell")
-        if name in _TENSORS and (tensor.is_floating_point() == whole or tensor.is_complex() or not tensor.ndim):
-            raise InputError(f"{path}: expected {name} to hold {'whole ' * whole}numbers, got {tensor.dtype}")
-    if tensors["centres"].ndim != 2 or tensors["centres"].shape[1] != D or not len(tensors["centres"]):
-        raise InputError(f"{path}: expected centres of shape (K, {D}), got {tuple(tensors['centres'].shape)}")
-    partitions, points = len(tensors["centres"]) * types, int(tensors["slice_start"].reshape(-1)[-1:].sum())
-    expected: dict[str, tuple[int, ...]] = dict.fromkeys(("cell", "probability", "support"), (points,))
-    expected |= {"slice_start": (partitions + 1,), "base_rate": (types,), "calibration": (types, len(NUMBERS))}
-    for name, shape in expected.items():
-        if tuple(tensors[name].shape) != shape:
-            raise InputError(f"{path}: expected {name} of shape {shape}, got {tuple(tensors[name].shape)}")
-
-
-def _check_values(path: Path, tensors: dict[str, Tensor], grid: SE3Grid) -> None:
-    """Raises InputError where numbers are none that were learned: they would point at nothing, or rank at random."""
-    start, cell = tensors["slice_start"], tensors["cell"]
-    if int(start[0]) != 0 or bool((start.diff() < 0).any()):
-        raise InputError(f"{path}: expected slice_start to rise from 0, got other numbers")
-    if len(cell) and int(cell.max()) >= grid.cells:
-        raise InputError(f"{path}: expected cells below {grid.cells}, got {int(cell.max())}")
-    falls = (cell.diff() <= 0).nonzero()[:, 0] + 1
-    if not bool(torch.isin(falls, start).all()):  # they are searched
-        raise InputError(f"{path}: expected cells to rise within a partition, got other numbers")
-    for name in _TENSORS:
-        values = tensors[name]
-        low, high = _LOWEST.get(name, -math.inf), _HIGHEST.get(name, math.inf)
-        if values.numel() and not _finite_within(low, high, values):
-            raise InputError(f"{path}: expected {name} finite and from {low:g} to {high:g}, got other numbers")
-
-
-def _finite_within(low: float, high: float, values: Tensor) -> bool:
-    """Whether all values are finite and from low to high, in one pass: NaN anywhere makes both extremes NaN."""
-    least, most = (float(extreme) for extreme in torch.aminmax(values))
-    return math.isfinite(least) and math.isfinite(most) and low <= least and most <= high
+    about = {key: document[key] for key in ("date", SMALL, DIGEST) if key in document}
+    return GraspModel(tensors["centres"], condensed, grid, calibration, document["settings"], about)
 
 
 def model_settings(folder: Path) -> dict[str, Any]:
@@ -278,6 +242,11 @@ def _read_json(path: Path) -> dict[str, Any]:
         if room is HandConfig and document.get("grasp_types") != (own := list(grasp_types(config))):
             got = str(document.get("grasp_types"))[:80]
             raise InputError(f"{path}: grasp_types: expected those of its hand, {own}, got {got}")
+    small, date = document.get(SMALL, {}), document.get("date", "")
+    if not isinstance(date, str) or len(date) > 40 or not isinstance(small, dict):
+        raise InputError(f"{path}: expected date and {SMALL} as words and keys; got something else")
+    if SMALL in document and not all(type(small.get(key)) is int for key in ("points", "left_out")):
+        raise InputError(f"{path}: expected {SMALL} with whole numbers points and left_out; got something else")
     return document
 
 

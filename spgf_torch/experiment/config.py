@@ -45,6 +45,8 @@ class TrainConfig(ObjectsConfig):
     runner: str = field(default="local", metadata={"choice": ("local", "dask")})
     address: str | None = text(None)
     device: str = text()
+    name: str | None = text(None)
+    replace: bool = field(default=False)
     cache: str | None = text()
     cache_gb: float = bounded(0.0, 1e6)
     sensing: SensingConfig = field(default_factory=SensingConfig)

@@ -21,7 +21,7 @@ from spgf_torch.experiment.config import TrainConfig
 from spgf_torch.experiment.design import Design
 from spgf_torch.experiment.held_out import FOLDER, LIST, FoldModels, load_fold_models
 from spgf_torch.experiment.named import Identity
-from spgf_torch.paths import find
+from spgf_torch.files.given_paths import model_folder
 from spgf_torch.settings import plain
 
 
@@ -57,7 +57,7 @@ class Dictionary:
 def check_dictionary(config: TrainConfig) -> None:
     """Raise InputError where the model in `config.prototypes_from` is damaged, or of other features or another K."""
     if config.prototypes_from is not None:
-        _check(config, load_model(find(config.prototypes_from), config.device))
+        _check(config, load_model(model_folder(config.prototypes_from, "prototypes_from"), config.device))
 
 
 def load_dictionary(config: TrainConfig, design: Design, objects: Sequence[Identity]) -> Dictionary | None:
@@ -67,7 +67,7 @@ def load_dictionary(config: TrainConfig, design: Design, objects: Sequence[Ident
     """
     if config.prototypes_from is None:
         return None
-    folder = find(config.prototypes_from)
+    folder = model_folder(config.prototypes_from, "prototypes_from")
     model = load_model(folder, config.device)
     same = _same_folds(folder, config, design, objects)
     of_fold = {fold: each.centres for fold, each in same.items()}

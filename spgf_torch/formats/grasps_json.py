@@ -20,7 +20,10 @@ SCHEMA = 1
 
 
 def grasps_dict(
-    grasps: Sequence[Grasp], grippers: Mapping[str, Gripper], judge: Mapping[str, Any] | None = None
+    grasps: Sequence[Grasp],
+    grippers: Mapping[str, Gripper],
+    judge: Mapping[str, Any] | None = None,
+    model: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """What `grasps.json` holds, as plain values.
 
@@ -30,6 +33,7 @@ def grasps_dict(
     Args:
         grasps: best first.
         judge: who ranked and what was known, under the key "judge"; None: the votes ranked.
+        model: whose grasps they are, under the key "model"; None: nothing is said.
 
     Raises:
         InputError: a grasp of a type that is none of the grippers'.
@@ -37,15 +41,20 @@ def grasps_dict(
     for grasp in grasps:
         gripper_for(grasp, grippers)
     head: dict[str, Any] = {"schema": SCHEMA, "frame": "input"}
-    head |= {"base_link": next(iter(grippers.values())).base_link, **({} if judge is None else {"judge": dict(judge)})}
+    head |= {"base_link": next(iter(grippers.values())).base_link}
+    head |= {key: dict(said) for key, said in (("model", model), ("judge", judge)) if said is not None}
     return {**head, "grasps": [grasp.to_dict() for grasp in grasps]}
 
 
 def write_grasps(
-    path: Path, grasps: Sequence[Grasp], grippers: Mapping[str, Gripper], judge: Mapping[str, Any] | None = None
+    path: Path,
+    grasps: Sequence[Grasp],
+    grippers: Mapping[str, Gripper],
+    judge: Mapping[str, Any] | None = None,
+    model: Mapping[str, Any] | None = None,
 ) -> None:
     """Write `grasps_dict`, a grasp a line: numbers in full, the file atomically."""
-    values = grasps_dict(grasps, grippers, judge)
+    values = grasps_dict(grasps, grippers, judge, model)
     lines = [json.dumps(grasp, allow_nan=False) for grasp in values["grasps"]]
     opened = json.dumps({**values, "grasps": []}).removesuffix("]}")
     write_text(path, opened + "".join(f"\n{line}," for line in lines).removesuffix(",") + "\n]}\n")

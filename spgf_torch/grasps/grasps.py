@@ -47,6 +47,7 @@ class Grasps(Sequence[Grasp]):
         names: a word for each prototype, such as `rim 7`; none of a judge alone.
         judge: who ranked and what it knew: folder, unseen_space, known, sure (the probability below which nothing is
             to be relied on); None: the votes ranked.
+        model: whose they are: the folder, and of votes and judge hand, objects, date and digest; None: not known.
         source: what a page shows beside the grasps; None of grasps from a file, or from another process.
     """
 
@@ -55,6 +56,7 @@ class Grasps(Sequence[Grasp]):
     names: tuple[str, ...] = ()
     judge: Mapping[str, Any] | None = None
     source: Source | None = field(default=None)
+    model: Mapping[str, Any] | None = None
 
     def __len__(self) -> int:
         return len(self.grasps)
@@ -128,7 +130,7 @@ class Grasps(Sequence[Grasp]):
         """What `grasps.json` holds, as plain values; its frame `input` is the one that the grasps are in."""
         from spgf_torch.formats.grasps_json import grasps_dict
 
-        return grasps_dict(self.grasps, self.grippers, self.judge_said())
+        return grasps_dict(self.grasps, self.grippers, self.judge_said(), self.model)
 
     def judge_said(self) -> dict[str, Any] | None:
         """`judge`, and whether none of these grasps is sure."""

@@ -16,6 +16,7 @@ from spgf_torch.evaluation.folds import stratified_folds
 from spgf_torch.experiment.held_out import load_fold_judges, save_fold_judges
 from spgf_torch.experiment.labelled_grasps import tables_of
 from spgf_torch.files.writing import write_text
+from spgf_torch.hands.carried_hand import carry
 from spgf_torch.judging.card import judge_card
 from spgf_torch.judging.clouds import training_clouds
 from spgf_torch.judging.collision_survey import survey
@@ -222,6 +223,7 @@ class Course:
         With `fold_judges` those of the folds, too.
         """
         size = save_judge(lessons.judge, folder)
+        carry(self.shop.trials.hand, folder)
         write_text(folder / card, judge_card(lessons.judge, self.shop.config, size))
         if self.given is None and lessons.own:
             (folder / OWN_TRIALS).mkdir()

@@ -65,6 +65,7 @@ class Judge:
         taught: object name -> digest, of what it learned from. results: how it did on held-out objects.
         calibration: of `VIEWS` the curve from what the factors say to how often executed grasps held; a missing one
             leaves them as they are.
+        about: what its file says beside: digest of the arrays, `date` of learning.
     """
 
     factors: Mapping[tuple[str, str], Form]
@@ -73,6 +74,7 @@ class Judge:
     taught: Mapping[str, str] = field(default_factory=dict)
     results: Mapping[str, Any] = field(default_factory=dict)
     calibration: Mapping[str, Curve] = field(default_factory=dict)
+    about: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     def probability(self, numbers: Tensor, images: bool) -> Tensor:
         """(G,) f32 that grasps hold, from their numbers (G, 31); `images`: whether unseen space is known."""
@@ -165,6 +167,7 @@ def save_judge(judge: Judge, folder: Path) -> int:
         "results": dict(judge.results),
         "calibration": {name: list(curve) for name, curve in judge.calibration.items()},
         DIGEST: hashlib.sha256(content).hexdigest(),
+        **({"date": judge.about["date"]} if "date" in judge.about else {}),
     }
     write_bytes(folder / ABOUT, sealed_json(document, indent=1, sort_keys=True))
     return len(content)
@@ -191,7 +194,8 @@ def load_judge(folder: Path) -> Judge:
             factors[known, factor] = form
     settings, sure, taught, results = (document[key] for key in ("settings", "sure", "taught", "results"))
     curves = {name: (curve[0], curve[1], curve[2]) for name, curve in document["calibration"].items()}
-    return Judge(factors, settings, sure, taught, results, curves)
+    about = {key: document[key] for key in (DIGEST, "date") if key in document}
+    return Judge(factors, settings, sure, taught, results, curves, about)
 
 
 def _tensors(path: Path, digest: str) -> dict[str, Tensor]:
@@ -231,6 +235,8 @@ def _document(path: Path) -> dict[str, Any]:
     for key, kind in (("sure", float), ("settings", dict), ("taught", dict), ("results", dict), (DIGEST, str)):
         if not isinstance(document.get(key), kind):
             raise InputError(f"{path}: expected {key}, got {document.get(key)!r}")
+    if not isinstance(document.get("date", ""), str):
+        raise InputError(f"{path}: expected a date in words, got {document['date']!r:.40}")
     curves = document.get("calibration")
     if not isinstance(curves, dict) or not all(name in VIEWS and _rising(curve) for name, curve in curves.items()):
         raise InputError(

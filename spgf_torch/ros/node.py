@@ -4,8 +4,9 @@
     ~/plan_grasps (moveit_msgs/srv/GraspPlanning): grasps on it, best first, in its frame
     ~/grasp_poses (geometry_msgs/PoseArray): the TCPs of the grasps that were planned last, for RViz
 
-Parameters: `model` (folder), `top` (grasps of each type), `table` (`find` or empty), `viewpoint` (three numbers, m, in
-the frame of the cloud, or none). The request's fields are not used: everything that is seen may be grasped.
+Parameters: `model` (name or folder; required), `top` (grasps of each type), `table` (`find` or empty), `viewpoint`
+(three numbers, m, in the frame of the cloud, or none). The request's fields are not used: all that is seen
+may be grasped.
 
 rclpy, rosidl_runtime_py and the messages come with ROS, not with pip; they are imported when the node is started.
 """
@@ -20,7 +21,7 @@ from spgf_torch.errors import InputError
 
 # moveit_msgs/MoveItErrorCodes.
 SUCCESS, FAILURE, NO_DATA = 1, 99999, -5
-PARAMETERS = {"model": "outputs/train/latest", "top": 10, "table": "find"}
+PARAMETERS = {"model": "", "top": 10, "table": "find"}
 _NEEDED = ("rclpy", "rosidl_runtime_py", "sensor_msgs.msg", "geometry_msgs.msg", "moveit_msgs.srv")
 
 

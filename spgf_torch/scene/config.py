@@ -50,7 +50,7 @@ class PredictConfig(SceneConfig):
     """`python -m spgf_torch.predict`: ranked grasps for user-provided input, with the settings of a scene."""
 
     batch: bool = text()
-    model: str = text()
+    model: str | None = text()
     judge: str | None = text()
     N: int = bounded(1, 1000)
     retreat: float = bounded(0.0, 1.0)

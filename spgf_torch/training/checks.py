@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from spgf_torch.affordance.config import JUDGE
 from spgf_torch.command_settings import command_settings
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import TrainConfig, is_recorded
 from spgf_torch.extras import needed
-from spgf_torch.files.given_paths import check_folder, check_model
+from spgf_torch.files.given_paths import check_folder, check_model, check_place
 from spgf_torch.files.reading import existing
 from spgf_torch.paths import find
 
@@ -89,3 +91,12 @@ def _check_judge(config: TrainConfig) -> None:
             raise InputError(f"{key}: expected with judge=learn, got judge=none")
     if config.own_trials is not None:
         check_folder("own_trials", config.own_trials, "the tables of own trials that judge=learn leaves")
+
+
+def check_name(config: TrainConfig) -> Path | None:
+    """Where the model is kept by its name, if it is to have one; InputError where it cannot be."""
+    if config.name is None:
+        return None
+    if config.classwise or not config.final_model:
+        raise InputError("name: expected with final_model=true and classwise=false, got no model of all objects")
+    return check_place(config.name, config.replace)

@@ -12,7 +12,7 @@ from spgf_torch.affordance.config import JUDGE
 from spgf_torch.experiment.config import TrainConfig, is_recorded
 from spgf_torch.files.run_settings import write_settings
 from spgf_torch.progress import ProgressReporter
-from spgf_torch.training.checks import check_hand, check_recorded, check_settings
+from spgf_torch.training.checks import check_hand, check_name, check_recorded, check_settings
 from spgf_torch.training.folds import design_of
 from spgf_torch.training.taught import Taught, Tell
 
@@ -49,6 +49,7 @@ def run(config: TrainConfig, folder: Path, stages: ProgressReporter, tell: Tell)
     Raises InputError for what cannot be used, before anything is written.
     """
     check_settings(config)
+    place = check_name(config)
     cache = _opened(config)
     start = time.perf_counter()
     if config.classwise and config.final_model:
@@ -64,10 +65,22 @@ def run(config: TrainConfig, folder: Path, stages: ProgressReporter, tell: Tell)
         _keep(material.taught, config, folder)
     _finish({**results, "seconds": {**stages.seconds, "total": time.perf_counter() - start}}, material, folder, tell)
     tell(f"results, model and settings in {folder}" if config.final_model else f"results and settings in {folder}")
+    if place is not None:
+        _named(place, folder, tell)
     if material.course is not None:
         tell(
             "a judge is beside them: predict and evaluate of this folder (model=) rank by it, with judge=none by votes"
         )
+
+
+def _named(place: Path, folder: Path, tell: Tell) -> None:
+    """The model of this run by its name, in few bytes."""
+    from spgf_torch.affordance.small_config import SmallConfig
+    from spgf_torch.files.given_paths import model_and_judge
+    from spgf_torch.proposing.kept_model import keep
+
+    for line in keep(place, model_and_judge(folder, None), SmallConfig()):
+        tell(line)
 
 
 def _opened(config: TrainConfig) -> Cache:
@@ -178,6 +191,8 @@ def _saved(
     from spgf_torch.experiment.costs import prediction_ms
     from spgf_torch.experiment.held_out import save_fold_models
     from spgf_torch.files.writing import write_text
+    from spgf_torch.hands.carried_hand import carry
+    from spgf_torch.hands.hand import load_hand
 
     taught = material.taught
     if learned.of_fold:
@@ -185,6 +200,7 @@ def _saved(
     if (model := learned.model) is None:
         return {}
     size, trials = save_model(model, folder), sum(map(len, taught.tables))
+    carry(load_hand(config.hand), folder)
     milliseconds = prediction_ms(model, describer, taught.seen, taught.tables)
     write_text(folder / "README.md", model_card(results, config, len(taught.members), trials, size))
     return {"costs": {"model_bytes": size, "prediction_ms": milliseconds}}

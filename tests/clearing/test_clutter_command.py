@@ -63,7 +63,7 @@ def test_the_same_call_goes_on_where_it_was(done, objects, capsys):
         ({"objects": "nowhere"}, "objects: expected a folder of meshes or descriptions, got nothing there at nowhere"),
         ({"method": "contact_graspnet"}, "method: expected contact_graspnet with hand=panda and cgn=PYTHON, got no"),
         ({"cgn": "/bin/false", "method": "contact_graspnet"}, "cgn=/bin/false: expected a Python with cgn-pytorch"),
-        ({"method": "ours", "model": "data/judge/sdh2"}, "model: expected one of hand=panda, got one of sdh2"),
+        ({"method": "ours", "model": "sdh2"}, "model: expected one of hand=panda, got one of sdh2"),
         ({"beside": ["nowhere"]}, "beside: expected the folder of another run of clutter, got nothing there"),
     ],
 )

@@ -148,7 +148,7 @@ def test_the_command_reports_draws(tmp_path: Path) -> None:
         f"objects={tmp_path}/meshes",
         "category=boxes",
         "hand=panda",
-        "model=data/judge/panda",
+        "model=panda",
         "sensing.cameras=1",
     ]
     words += ["N=3", "random_trials=1", "bootstrap=100", "workers=1", "episode=robot_fast", "table=true", "draws=2"]

@@ -102,7 +102,7 @@ def test_train_leaves_what_the_contract_says(small: Path) -> None:
     run = small / "outputs/train/latest"
     assert {p.name for p in run.iterdir()} == {
         "config.yaml", "results.json", "per_object.csv", "predictions.parquet",
-        "model.safetensors", "model.json", "README.md", "fold_models",
+        "model.safetensors", "model.json", "README.md", "fold_models", "hand",
     }  # fmt: skip
     results = json.loads((run / "results.json").read_text())
     assert (
@@ -180,7 +180,7 @@ def test_prototypes_that_do_not_fit(small: Path, monkeypatch: pytest.MonkeyPatch
     for words, changed in (
         (["K: expected 4, the number of prototypes of model, got 5"], "K=5"),
         (["features.radius: expected 0.03, as the prototypes of model", "got 0.02"], "features.radius=0.02"),
-        (["prototypes_from", "nothing there at none"], "prototypes_from=none"),
+        (["prototypes_from: expected a model", "got none"], "prototypes_from=none"),
         (["prototypes_from: ", "final_model=true", "got no name"], "prototypes_from="),
         (["prototypes_from: ", "final_model=true", "no model.json at bare"], "prototypes_from=bare"),
         (["prototypes_from: ", "final_model=true", "a judge alone at judged"], "prototypes_from=judged"),

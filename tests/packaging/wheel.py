@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 
 ROOT = Path(__file__).parents[2]
 LARGEST = 40_000_000  # bytes of the wheel: with models of its hands; objects, trials and judges are 6 MB
-DATA = ("hands", "judge", "objects", "trials")  # what commands read by default; pictures are for README
+DATA = ("hands", "models", "objects", "trials")  # what commands read by default; pictures are for README
 NOBODY = "65534"
 NAMES = ("bowl_sugar", "mug_coffee", "jar_jam", "tumbler", "soap_bar", "box_tea", "sponge", "apple", "egg", "can_soda")
 TINY = [
@@ -136,8 +136,8 @@ def run(home: Path, python: Path) -> None:
     command("simulate", "objects=objects", "candidates=5", "out=new trials", "workers=1")
     command("train", "objects=objects", "trials=trials", *TINY)
     step("a cloud", python, "-c", CLOUD, cwd=work)
-    command("predict", "input=Wolke (1), größe.npz")
-    command("predict", "input=Wolke (1), größe.npz", "model=data/judge/panda")
+    command("predict", "input=Wolke (1), größe.npz", "model=latest")
+    command("predict", "input=Wolke (1), größe.npz", "hand=panda")
     left = {path.name for path in (work / "outputs/predict/latest").iterdir()}
     if missing := {"grasps.json", "moveit_grasps.json", "index.html", "grasps.png"} - left:
         fail(f"predict with a shipped judge: missing {sorted(missing)}")

@@ -20,7 +20,7 @@ TABLE = [0.0, 0.0, 1.0, 0.0]
 
 @pytest.fixture(scope="module")
 def model() -> Predictor:
-    return spgf_torch.load("data/judge/panda", proposing="clutter")
+    return spgf_torch.load("panda", proposing="clutter")
 
 
 def blocks(*middles: tuple[float, float, float], **changes: object) -> Scene:
@@ -46,7 +46,7 @@ def test_what_stands_on_the_way_is_seen(model: Predictor) -> None:
     """A block 10 cm above the one to grasp, another target: met on the way, not at the grasp."""
     scene = blocks((0, 0, 0.02), (0, 0, 0.19), segments=True)
     clearance, others = model.judged.search.clearance, scene.texlets.positions[scene.labels == 2]
-    for planner, all_free in ((model, True), (Predictor.load("data/judge/panda"), False)):
+    for planner, all_free in ((model, True), (Predictor.load("panda"), False)):
         below = [grasp for grasp in planner.predict(scene, top=10) if grasp.target == 1]
         types = torch.tensor([clearance.grasp_types.index(grasp.type) for grasp in below])
         T = torch.from_numpy(np.stack([grasp.T_input_tcp for grasp in below])).float()
@@ -86,9 +86,9 @@ def test_what_is_avoided_must_be_places(model: Predictor) -> None:
     with pytest.raises(InputError, match=r"^avoid: expected with a scene, got texlets$"):
         model.predict(block(0.005), avoid=[[0, 0, 0]])
     with pytest.raises(InputError, match=r"^avoid: expected a model loaded with proposing=clutter"):
-        Predictor.load("data/judge/panda").predict(scene, avoid=[[0, 0, 0]])
+        Predictor.load("panda").predict(scene, avoid=[[0, 0, 0]])
     with pytest.raises(InputError, match=r"^proposing: expected one of clutter, particles; got 'many'"):
-        spgf_torch.load("data/judge/panda", proposing="many")
+        spgf_torch.load("panda", proposing="many")
 
 
 def test_what_neighbours_add_is_named_only_where_it_is_given() -> None:

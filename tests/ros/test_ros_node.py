@@ -26,7 +26,7 @@ HEADER = Header("camera_optical_frame", 5)
 
 @pytest.fixture(scope="module")
 def planner() -> GraspPlanner:
-    return GraspPlanner(spgf_torch.load(ROOT / "data/judge/panda"), top=3)
+    return GraspPlanner(spgf_torch.load(ROOT / "data/models/panda"), top=3)
 
 
 @pytest.fixture(scope="module")
