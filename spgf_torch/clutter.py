@@ -16,6 +16,7 @@ from spgf_torch.cli.command import run_command
 from spgf_torch.errors import IncompleteError
 from spgf_torch.extras import installed, remedy
 from spgf_torch.files.given_paths import check_folder
+from spgf_torch.files.writing import check_place
 from spgf_torch.progress import ProgressReporter, show
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ def run(config: ClutterConfig, folder: Path) -> None:
 
     Raises IncompleteError where a scene could not be finished.
     """
+    check_place("out", config.out)
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
     learned = Learned.of(config)
     for name in config.beside or ():

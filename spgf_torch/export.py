@@ -7,6 +7,7 @@ from pathlib import Path
 from spgf_torch.cli.command import run_command
 from spgf_torch.extras import needed
 from spgf_torch.files.given_paths import check_folder
+from spgf_torch.files.writing import check_place
 from spgf_torch.formats.config import ExportConfig, wanted_formats
 from spgf_torch.paths import find
 from spgf_torch.progress import ProgressReporter, show
@@ -17,6 +18,7 @@ def run(config: ExportConfig, folder: Path) -> None:
     formats = wanted_formats(config.format)
     if "acronym" in formats:
         needed("format: acronym", "h5py")
+    check_place("out", config.out)
     check_folder("trials", config.trials, "the trial tables that simulate leaves")
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 

@@ -13,6 +13,7 @@ import yaml
 
 from spgf_torch.cli.command import run_command
 from spgf_torch.errors import InputError
+from spgf_torch.files.writing import check_place
 from spgf_torch.objects.config import CLASSES, GenerateConfig
 from spgf_torch.progress import ProgressReporter, show
 
@@ -28,6 +29,8 @@ def run(config: GenerateConfig, folder: Path) -> None:
 
     Raises InputError for ranges that make no objects and for a folder in which there is something.
     """
+    check_place("out", config.out)
+
     from spgf_torch.objects.families import draw, read_families, turns
     from spgf_torch.paths import find
 
@@ -57,7 +60,6 @@ def run(config: GenerateConfig, folder: Path) -> None:
 def _check_out(out: Path) -> None:
     try:
         got = "one that is not empty" if out.is_dir() and any(out.iterdir()) else ""
-        got = "a file" if not got and out.exists() and not out.is_dir() else got
     except OSError as error:
         got = str(error.strerror)
     if got:

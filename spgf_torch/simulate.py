@@ -13,6 +13,7 @@ from spgf_torch.cli.command import run_command
 from spgf_torch.errors import IncompleteError, InputError
 from spgf_torch.extras import needed
 from spgf_torch.files.given_paths import check_folder
+from spgf_torch.files.writing import check_place
 from spgf_torch.progress import ProgressReporter, show
 from spgf_torch.settings import plain
 from spgf_torch.simulation.config import SimulateConfig
@@ -32,6 +33,7 @@ def run(config: SimulateConfig, folder: Path) -> None:
     """
     if config.runner == "dask":
         needed("runner: dask", "distributed")
+    check_place("out", config.out)
     check_folder("objects", config.objects, "a folder of meshes or descriptions")
 
     from spgf_torch.files.digests import sealed_yaml

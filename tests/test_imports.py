@@ -110,6 +110,8 @@ NOT_THERE = [
     ("clutter", "objects=missing"),
     ("clutter", "model=missing"),
     ("serve", "model=missing"),
+    *[(command, "out=empty") for command in ("generate", "simulate", "clutter")],
+    ("export", "format=isaac", "out=empty"),
 ]
 
 

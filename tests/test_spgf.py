@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import subprocess
 from dataclasses import is_dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ from test_command_line import KINDS
 from spgf_torch.__main__ import COMMANDS
 from spgf_torch.cli.batch import named, run_each
 from spgf_torch.cli.command_line import ALIASES, known_settings
-from spgf_torch.cli.completion import options
+from spgf_torch.cli.completion import options, script
 from spgf_torch.cli.help_text import help_text
 from spgf_torch.errors import IncompleteError, InputError
 
@@ -71,6 +72,7 @@ def test_a_batch_with_json(tmp_path: Path) -> None:
     report = json.loads(done.stdout)
     assert done.returncode == report["status"] == 1 and report["command"] == "predict"
     assert [Path(run["folder"]) for run in report["runs"]] == [tmp_path / "run/low", tmp_path / "run/tall"]
+    assert [run["input"] for run in report["runs"]] == ["low.stl", "tall.stl"]
     for run in report["runs"]:
         assert run["results"] == json.loads((Path(run["folder"]) / "grasps.json").read_text())
         assert len(run["results"]["grasps"]) == 4
@@ -91,15 +93,48 @@ try spgf pre; try spgf predict --viewp; try spgf predict --hand pan; try spgf pr
 
 
 def test_completion_in_bash(tmp_path: Path) -> None:
-    script = python("-m", "spgf_torch", "completion", "bash", cwd=tmp_path).stdout
-    done = subprocess.run(["bash", "-c", script + TRY], cwd=tmp_path, capture_output=True, text=True, check=True)
+    printed = python("-m", "spgf_torch", "completion", "bash", cwd=tmp_path).stdout
+    done = subprocess.run(["bash", "-c", printed + TRY], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == ["predict", "--viewpoints", "panda", "", "fish"] and not done.stderr
 
 
+WORDS = ("spgf pre", "spgf predict --viewp", "spgf predict --hand pan", "spgf completion f")
+COMPLETED = ["predict", "--viewpoints", "panda", "fish"]
+# A shell that is typed into: tab completes, and the function that stands for the command tells its last word.
+ZSH = r"""
+zmodload zsh/zpty
+zpty shell env TERM=dumb zsh -f -i
+zpty -w shell "source ./script; spgf() { print -r -- g''ot \${@: -1}. }; print rea''dy"
+zpty -r -m shell seen '*ready*'
+for line in "$@"; do
+  zpty -n -w shell "$line"$'\t'$'\n'
+  zpty -r -m shell seen $'*got *.*'
+  print -r -- "${${seen##*got }%%.*}"
+done
+"""
+
+
+@pytest.mark.skipif(not shutil.which("zsh"), reason="no zsh here")
+def test_completion_in_zsh(tmp_path: Path) -> None:
+    (tmp_path / "script").write_text(script("zsh", COMMANDS))
+    arguments = ["zsh", "-f", "-c", ZSH, "zsh", *WORDS]
+    done = subprocess.run(arguments, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.split() == COMPLETED
+
+
+@pytest.mark.skipif(not shutil.which("fish"), reason="no fish here")
+def test_completion_in_fish(tmp_path: Path) -> None:
+    (tmp_path / "script").write_text(script("fish", COMMANDS))
+    asked = "source ./script; for line in $argv; complete --do-complete $line; end"
+    arguments = ["fish", "--no-config", "-c", asked, *WORDS]
+    done = subprocess.run(arguments, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=60)
+    assert [line.split("\t")[0] for line in done.stdout.splitlines()] == COMPLETED
+
+
 def test_completion_of_other_shells(tmp_path: Path) -> None:
-    fish = python("-m", "spgf_torch", "completion", "fish", cwd=tmp_path).stdout
+    fish = script("fish", COMMANDS)
     assert all(f" -a {name} -d " in fish for name in COMMANDS)
     assert "'__fish_seen_subcommand_from predict' -l viewpoints\n" in fish
-    assert python("-m", "spgf_torch", "completion", "zsh", cwd=tmp_path).stdout.startswith("#compdef spgf\n")
+    assert script("zsh", COMMANDS).startswith("#compdef spgf\n")
     wrong = python("-m", "spgf_torch", "completion", "tcsh", cwd=tmp_path)
     assert wrong.returncode == 2 and wrong.stderr == "spgf completion: expected one of bash, zsh, fish; got tcsh\n"

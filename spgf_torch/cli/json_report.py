@@ -10,8 +10,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from spgf_torch import __version__
-from spgf_torch.cli.run_folder import finished
+from spgf_torch.cli.batch import named
+from spgf_torch.cli.run_folder import SETTINGS, finished
 
 FLAG = "--json"
 # Files of a run that hold its results.
@@ -49,11 +52,17 @@ def json_on_stdout(command: str) -> Iterator[None]:
 
 
 def _runs() -> list[dict[str, Any]]:
-    """A folder with its results each; of a batch, a folder an input."""
+    """A folder with what it was made of and its results each; of a batch, a folder an input that was done."""
     found = []
     for folder in finished:
-        parts = sorted(path.parent for path in folder.glob(f"*/{RESULTS[0]}"))
-        found += [{"folder": str(part), "results": _results(part)} for part in parts or [folder]]
+        known = yaml.safe_load((folder / SETTINGS).read_text(encoding="utf-8")) or {}
+        given = known.get("input")
+        parts = {folder: given}
+        if known.get("batch"):
+            files = given if isinstance(given, list) else [given]
+            parts = {folder / name: file for name, file in zip(named(files), files, strict=True)}
+            parts = {part: file for part, file in parts.items() if (part / RESULTS[0]).is_file()}
+        found += [{"folder": str(part), "input": file, "results": _results(part)} for part, file in parts.items()]
     return found
 
 

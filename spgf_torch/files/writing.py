@@ -10,9 +10,20 @@ from contextlib import suppress
 from pathlib import Path
 from uuid import uuid4
 
+from spgf_torch.errors import InputError
+
 _PART = re.compile(r"\.[0-9a-f]{32}\.part")
 UNABLE = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)  # of network file systems that cannot flush a folder
 FRESH = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+
+
+def check_place(name: str, path: str | Path | None) -> None:
+    """InputError where a file is at `path`, the setting `name`, or on the way to it: no folder can be made there."""
+    place = Path(path).expanduser() if path else None
+    for each in () if place is None else (place, *place.parents):
+        if os.path.lexists(each) and not each.is_dir():
+            got = "a link to nothing" if each.is_symlink() and not each.exists() else "a file"
+            raise InputError(f"{name}: expected a folder, new or there already, got {got} at {each}")
 
 
 def write_text(path: Path, content: str) -> None:

@@ -42,7 +42,11 @@ def _shapes(points: Tensor, distance: Tensor, count: int) -> Tensor:
 def _farthest_first(points: np.ndarray, distance: np.ndarray, order: np.ndarray) -> None:
     """Out: order. Scratch: distance, to the points so far."""
     for k in range(len(order)):
-        order[k] = np.argmax(distance)
+        farthest = 0
+        for i in range(1, len(distance)):
+            if distance[i] > distance[farthest]:
+                farthest = i
+        order[k] = farthest
         for i in range(len(points)):
             apart = 0.0
             for d in range(points.shape[1]):

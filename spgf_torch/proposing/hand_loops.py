@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,7 +42,8 @@ def pad_numbers(at: Floats, cosine: Floats, limits: Floats, numbers: Floats) -> 
     limits (9,): half, height, low, high and middle of the closing region; m behind the TCP that the fingers reach; m of
     a pad's depth; the cosine of the friction cone's edge; the cosine from which on a normal faces a pad.
     """
-    half, height, low, high, middle, behind, depth, edge, facing = limits
+    half, height, low, high, middle = limits[0], limits[1], limits[2], limits[3], limits[4]
+    behind, depth, edge, facing = limits[5], limits[6], limits[7], limits[8]
     on = np.empty(at.shape[2], np.int64)
     for g in range(len(at)):
         x, y, z = at[g, 0], at[g, 1], at[g, 2]
@@ -52,28 +55,29 @@ def pad_numbers(at: Floats, cosine: Floats, limits: Floats, numbers: Floats) -> 
                 on[count] = i
                 count += 1
                 left, right, total = min(left, x[i]), max(right, x[i]), total + z[i]
-        numbers[g] = 0
+        for k in range(10):
+            numbers[g, k] = 0
         numbers[g, 10] = high - nearest
         if count == 0:
             continue
-        within, cosines, members, both = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
-        for k in range(count):
-            i = on[k]
-            for side in range(2):
-                sign = np.float32(1 - 2 * side)
-                towards = sign * cosine[g, i]
-                if sign * x[i] > (right if side == 0 else -left) - depth:
-                    members[side] += 1
-                    cosines[side] += towards
-                    within[side] += min(max((towards - edge) / (np.float32(1) - edge), np.float32(0)), np.float32(1))
-                both[side] += towards > facing
+        fewest = count
         for side in range(2):
-            within[side] /= members[side]
-            cosines[side] /= members[side]
-        numbers[g, 0] = np.log1p(count)
+            sign, edge_of = np.float32(1 - 2 * side), (right if side == 0 else -left) - depth
+            within, cosines, members, both = 0.0, 0.0, 0, 0
+            for k in range(count):
+                towards = sign * cosine[g, on[k]]
+                if sign * x[on[k]] > edge_of:
+                    members += 1
+                    cosines += towards
+                    within += min(max((towards - edge) / (np.float32(1) - edge), np.float32(0)), np.float32(1))
+                both += towards > facing
+            within, cosines, fewest = within / members, cosines / members, min(fewest, both)
+            numbers[g, 4 + side], numbers[g, 6 + side] = within, cosines
+        for first in (4, 6):  # the lesser of both sides first
+            lesser, greater = numbers[g, first], numbers[g, first + 1]
+            numbers[g, first], numbers[g, first + 1] = min(lesser, greater), max(lesser, greater)
+        numbers[g, 0] = math.log1p(count)
         numbers[g, 1] = (right - left) / (np.float32(2) * half)
         numbers[g, 2] = abs((right + left) / np.float32(2) - middle)
         numbers[g, 3] = total / count
-        numbers[g, 4], numbers[g, 5] = within.min(), within.max()
-        numbers[g, 6], numbers[g, 7] = cosines.min(), cosines.max()
-        numbers[g, 8], numbers[g, 9] = both.min() > 0, np.log1p(both.min())
+        numbers[g, 8], numbers[g, 9] = fewest > 0, math.log1p(fewest)

@@ -83,15 +83,16 @@ def deepest_free(T: Floats, where: Floats, possible: Bools, back: int, things: K
         if not offsets_of(T[f], where[f], possible[f], offset, box):
             continue
         for t in range(3):
-            near[t][2][:] = -1, 0
+            near[t][2][0], near[t][2][1] = -1, 0  # to a slice it would take seconds to compile
         for p in range(P):
-            for k in range(D):
-                if possible[f, k, p] and free_at(T[f], where[f, k, p], offset[k, p], box, things, near):
-                    kept[f, k, p] = True
-                    k += back
-                    if k < D and possible[f, k, p]:
-                        kept[f, k, p] = free_at(T[f], where[f, k, p], offset[k, p], box, things, near)
+            k, found = 0, False
+            while k < D:  # asked at one place in the code: each call is inlined, and takes seconds to compile
+                free = possible[f, k, p] and free_at(T[f], where[f, k, p], offset[k, p], box, things, near)
+                kept[f, k, p] = free
+                if found:
                     break
+                found = free
+                k += back if free else 1
 
 
 @compiled
@@ -138,8 +139,8 @@ def gather(pose: Floats, box: Doubles, things: Things, near: Near) -> None:
     low, high = np.empty(3, np.float32), np.empty(3, np.float32)
     for axis in range(3):
         low[axis], high[axis] = bounds[0, axis] + box[0, axis] - ROOM, bounds[1, axis] + box[1, axis] + ROOM
-    x, y, z = coordinates
-    a, b, c = columns
+    x, y, z = coordinates[0], coordinates[1], coordinates[2]
+    a, b, c = columns[0], columns[1], columns[2]
     for axis in range(3):
         along = coordinates[axis]
         r0, r1, r2 = pose[0, axis], pose[1, axis], pose[2, axis]
