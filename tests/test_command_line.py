@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from hydra import compose, initialize_config_dir
+from hydra._internal.hydra import Hydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from spgf_torch.baselines.config import BaselineConfig
-from spgf_torch.cli.command import _config, slug
+from spgf_torch.cli.command import _composed_once, _config, slug
 from spgf_torch.cli.command_line import translated
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
@@ -212,6 +213,24 @@ def test_hydras_own_forms_go_on_working() -> None:
 def test_what_is_wrong_is_told_in_one_line(command: str, arguments: list[str], words: list[str]) -> None:
     line = refused(command, *arguments)
     assert all(word in line for word in words), line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "asked"),
+    [
+        ([], False),
+        (["K=5", "hydra.run.dir='out'"], False),
+        (["-m", "K=5,20"], True),
+        (["K=5", "hydra.mode=MULTIRUN"], True),
+        (["++hydra.mode=MULTIRUN"], True),
+        (["hydra=mine"], True),
+    ],
+)
+def test_hydra_composes_again_only_where_arguments_may_ask_for_a_sweep(arguments: list[str], asked: bool) -> None:
+    ask = Hydra.get_mode
+    with _composed_once(arguments):
+        assert (Hydra.get_mode is ask) == asked
+    assert Hydra.get_mode is ask
 
 
 def test_several_files_without_brackets() -> None:

@@ -6,12 +6,14 @@ import errno
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 from hydra import main as hydra_main
+from hydra._internal.hydra import Hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
@@ -140,12 +142,25 @@ def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: 
             refused.append(IncompleteError(NO_MEMORY))
 
     try:
-        hydra_main(version_base="1.3", config_path=str(root() / "conf"), config_name=command)(task)()
+        with _composed_once(sys.argv[1:]):
+            hydra_main(version_base="1.3", config_path=str(root() / "conf"), config_name=command)(task)()
     finally:
         status = multirun.summary()
     for error in refused:
         raise error
     return status
+
+
+@contextmanager
+def _composed_once(arguments: Sequence[str]) -> Iterator[None]:
+    """Hydra composes all settings once more, 0.2 s, to see whether they ask for a sweep: only arguments can here."""
+    ask = Hydra.get_mode
+    if not any(re.match(r"-|[+~]*hydra(?!\.run\.)", argument) for argument in arguments):
+        Hydra.get_mode = lambda *_, **__: None  # type: ignore[method-assign]  # not said: a single run
+    try:
+        yield
+    finally:
+        Hydra.get_mode = ask  # type: ignore[method-assign]
 
 
 def fail(command: str, error: Exception) -> NoReturn:
