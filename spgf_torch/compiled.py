@@ -19,11 +19,12 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def compiled(function: F) -> F:
-    """The function, compiled in numba's nopython mode, and inlined where another kernel calls it.
+    """The function, compiled in numba's nopython mode, and put into the text of each kernel that calls it.
 
-    A call that is not inlined copies its named tuples of arrays: some 100 ns, more than many a loop's work.
+    A call copies its named tuples of arrays: some 100 ns, more than many a loop's work. Put there by numba and not by
+    LLVM (`forceinline`), the called kernel is not compiled by itself as well, and none for programs in C.
     """
-    compiler = partial(numba.njit, nogil=True, error_model="numpy", forceinline=True)
+    compiler = partial(numba.njit, nogil=True, error_model="numpy", inline="always", no_cfunc_wrapper=True)
     try:
         kernel = compiler(cache=True)(function)
     except (RuntimeError, OSError):  # no place to keep it
