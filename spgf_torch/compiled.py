@@ -23,7 +23,7 @@ def compiled(function: F) -> F:
 
     A call that is not inlined copies its named tuples of arrays: some 100 ns, more than many a loop's work.
     """
-    compiler = partial(numba.njit, nogil=True, error_model="numpy", forceinline=True)
+    compiler = partial(numba.njit, nogil=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
     try:
         kernel = compiler(cache=True)(function)
     except (RuntimeError, OSError):  # no place to keep it

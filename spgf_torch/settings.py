@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import marshal
 import re
 from collections.abc import Callable
 from copy import deepcopy
@@ -117,6 +118,22 @@ def typed(kind: type[T], values: Any) -> T:
     Raises InputError in one line for a key that does not exist, a wrong type or a number out of range, and for
     `${...}`: Hydra has resolved the settings' own, and in a file read from elsewhere it would read the environment.
     """
+    try:
+        key = marshal.dumps(values, 2)
+    except ValueError:  # not built of Python's own types
+        return _instance(kind, values)
+    made: T = deepcopy(_kept(kind, key))  # type: ignore[arg-type]  # a class is hashable
+    return made
+
+
+@lru_cache(64)
+def _kept(kind: Any, values: bytes) -> Any:
+    """An instance of marshalled values: a model's settings are read several times, each takes OmegaConf 0.05 s."""
+    return _instance(kind, marshal.loads(values))  # what `typed` itself wrote
+
+
+def _instance(kind: type[T], values: Any) -> T:
+    """`typed`, made anew."""
     try:
         _check_literal(values, "")
         given = _named(_plain(values))

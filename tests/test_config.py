@@ -86,6 +86,19 @@ def test_a_changed_instance_keeps_the_other_defaults_and_shares_none() -> None:
     assert (changed.radius, changed.cells, FeatureConfig().radius) == (0.02, 36, 0.03)
 
 
+def test_what_is_read_twice_is_shared_with_nobody() -> None:
+    """The same values are checked once; each call gets an instance of its own."""
+    values = plain(settings(HandConfig))
+    first = typed(HandConfig, values)
+    first.fingers.clear()
+    assert plain(typed(HandConfig, values)) == values and values["fingers"]
+    sensing = plain(settings(SensingConfig))
+    for given in (2, 2.0):
+        assert type(typed(SensingConfig, sensing | {"distance": given}).distance) is float
+    with pytest.raises(InputError, match="distance"):
+        typed(SensingConfig, sensing | {"distance": "wide"})
+
+
 def test_what_is_read_from_elsewhere_must_give_every_value() -> None:
     values = plain(settings(FeatureConfig))
     del values["cells"]

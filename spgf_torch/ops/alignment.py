@@ -121,7 +121,10 @@ def _run_lengths(tied: np.ndarray, length: np.ndarray) -> None:
     A ring that is True all round has no first cell: each cell is one, with the length of the ring.
     """
     cells = len(tied)
-    length[:] = cells if tied.all() else 0
+    everywhere = True
+    for cell in range(cells):
+        everywhere &= tied[cell]
+    length[:] = cells if everywhere else 0
     for first in range(cells):
         if tied[first] and not tied[first - 1]:
             while tied[(first + length[first]) % cells]:
@@ -132,7 +135,9 @@ def _run_lengths(tied: np.ndarray, length: np.ndarray) -> None:
 def _widest_run(length: np.ndarray, ring: np.ndarray, nearer: np.ndarray) -> int:
     """The centre of the widest run; of equal ones that of the highest content, of these the first."""
     cells = len(length)
-    widest = int(length.max())
+    widest = 0
+    for first in range(cells):
+        widest = max(widest, length[first])
     centre, highest = -1, -math.inf
     for look in range(2):  # only when the highest is known the first within TIE of it can be taken
         for first in range(cells):
@@ -175,7 +180,7 @@ def _aligned_poses(
     for i in range(len(T)):
         c, s = cos[start[i]], sin[start[i]]
         for axis in range(3):
-            x, y, z = frames[i, axis]
+            x, y, z = frames[i, axis, 0], frames[i, axis, 1], frames[i, axis, 2]
             T[i, axis, 0], T[i, axis, 1], T[i, axis, 2] = c * x + s * y, c * y - s * x, z
             T[i, axis, 3] = positions[i, axis]
         T[i, 3, 3] = 1

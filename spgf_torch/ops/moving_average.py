@@ -37,7 +37,8 @@ def averaged(grid: np.ndarray, half_length: int, gaps: str, soft: bool) -> tuple
     N, _, _, cells = grid.shape
     rings, valid = np.empty((N, 2, cells, 2), grid.dtype), np.empty(N, np.bool_)
     ahead, weight = triangle(cells, half_length)
-    _averaged(grid, (ahead, weight.astype(grid.dtype)), np.array(GAPS[gaps], grid.dtype), soft, rings, valid)
+    reach = -int(ahead.min()), int(ahead.max())
+    _averaged(grid, (ahead, weight.astype(grid.dtype)), reach, np.array(GAPS[gaps], grid.dtype), soft, rings, valid)
     return rings, valid
 
 
@@ -76,10 +77,16 @@ def triangle(cells: int, half_length: int) -> Window:
 
 @compiled
 def _averaged(
-    grid: np.ndarray, window: Window, gap: np.ndarray, soft: bool, rings: np.ndarray, valid: np.ndarray
+    grid: np.ndarray,
+    window: Window,
+    reach: tuple[int, int],
+    gap: np.ndarray,
+    soft: bool,
+    rings: np.ndarray,
+    valid: np.ndarray,
 ) -> None:
-    cells, behind = grid.shape[3], -window[0].min()
-    row = behind + cells + window[0].max()  # a ring, and before and after it the cells that the filter reaches
+    cells, behind = grid.shape[3], reach[0]
+    row = behind + cells + reach[1]  # a ring, and before and after it the cells that the filter reaches
     values, sums = np.zeros(3 * row, grid.dtype), np.empty(2 * row + cells, grid.dtype)
     for i in range(len(grid)):
         valid[i] = False

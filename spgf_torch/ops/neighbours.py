@@ -48,6 +48,7 @@ class Neighbourhoods:
         self.order, self._places = _in_cubes(xyz, radius)
         self._xyz = np.ascontiguousarray(xyz[self.order].T)
         cube, first, last = self._places
+        self._longest = int((last - first).max(initial=0))
         self._candidates = np.append(0, (last - first).sum(1)[cube].cumsum())
         group = self._candidates[:-1] // CANDIDATES
         borders = [0, *(np.flatnonzero(group[1:] != group[:-1]) + 1).tolist(), len(group)]
@@ -58,7 +59,7 @@ class Neighbourhoods:
         (n + 1,) int64: those of point k of the part are neighbour[start[k] : start[k + 1]]."""
         room = self._candidates[part.stop] - self._candidates[part.start] + 1
         start, neighbour = np.zeros(part.stop - part.start + 1, np.int64), np.empty(room, np.int32)
-        _within(self._xyz, self.radius**2, part.start, self._places, start, neighbour)
+        _within(self._xyz, self.radius**2, part.start, self._places, self._longest, start, neighbour)
         return start, neighbour[: start[-1]]
 
 
@@ -241,15 +242,21 @@ def _compact(cube: np.ndarray) -> np.ndarray:
 
 @compiled
 def _within(
-    xyz: np.ndarray, square: float, begin: int, places: Places, start: np.ndarray, neighbour: np.ndarray
+    xyz: np.ndarray,
+    square: float,
+    begin: int,
+    places: Places,
+    longest: int,
+    start: np.ndarray,
+    neighbour: np.ndarray,
 ) -> None:
-    """Out: start, neighbour of the points from `begin` on.
+    """Out: start, neighbour of the points from `begin` on; `longest`: points of a row of cubes at most.
 
     Branch-free: every candidate is written; the cursor advances only for those within the radius.
     """
     cube, first, last = places
-    X, Y, Z = xyz
-    apart = np.empty((last - first).max(), np.float64)  # squared distances to the points of a row of cubes
+    X, Y, Z = xyz[0], xyz[1], xyz[2]
+    apart = np.empty(longest, np.float64)  # squared distances to the points of a row of cubes
     found = 0
     for k in range(len(start) - 1):
         i = begin + k

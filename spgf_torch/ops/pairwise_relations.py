@@ -171,16 +171,20 @@ def _gather(
 @compiled
 def _frames(normals: np.ndarray, towards: np.ndarray, frames: np.ndarray) -> None:
     for i in range(len(normals)):
-        n = normals[i]
-        x, y, z = _cross(n, towards[i])
-        if x * x + y * y + z * z <= NOWHERE**2:
-            axis = np.zeros_like(n)
-            axis[np.abs(n).argmin()] = 1
+        n, axis = normals[i], towards[i]
+        for look in range(2):  # one call in the code: each is inlined
             x, y, z = _cross(n, axis)
+            if look == 1 or x * x + y * y + z * z > NOWHERE**2:
+                break
+            axis = np.zeros(3, n.dtype)
+            a, b, c = abs(n[0]), abs(n[1]), abs(n[2])
+            axis[0 if a <= b and a <= c else (1 if b <= c else 2)] = 1
         length = math.sqrt(x * x + y * y + z * z)
-        frames[i, 0, 1], frames[i, 1, 1], frames[i, 2, 1] = x / length, y / length, z / length
-        frames[i, 0, 0], frames[i, 1, 0], frames[i, 2, 0] = _cross(frames[i, :, 1], n)
-        frames[i, :, 2] = n
+        y_axis = frames[i, :, 1]
+        y_axis[0], y_axis[1], y_axis[2] = x / length, y / length, z / length
+        frames[i, 0, 0], frames[i, 1, 0], frames[i, 2, 0] = _cross(y_axis, n)
+        for k in range(3):  # an array into a slice would take seconds to compile
+            frames[i, k, 2] = n[k]
 
 
 @compiled
@@ -203,7 +207,10 @@ def _sides(
     """
     singular, unknown = step.dtype.type(SINGULAR), step.dtype.type(math.nan)
     for i in range(len(frames)):
-        (a, d, g), (b, e, h), (c, f, k) = frames[i]  # columns R_x, R_y, n1
+        own_frame = frames[i]  # columns R_x, R_y, n1
+        a, b, c = own_frame[0, 0], own_frame[1, 0], own_frame[2, 0]
+        d, e, f = own_frame[0, 1], own_frame[1, 1], own_frame[2, 1]
+        g, h, k = own_frame[0, 2], own_frame[1, 2], own_frame[2, 2]
         own = slice(start[i], start[i + 1])
         dx, dy, dz = step[0, own], step[1, own], step[2, own]
         below, flat, ahead, aside = opposite[0, own], adjacent[0, own], adjacent[2, own], opposite[2, own]
