@@ -76,9 +76,9 @@ models: $(READY)
 	$(BIN)/python -m spgf_torch.train +K=20 hydra.run.dir=outputs/models/sdh2
 	$(BIN)/python -m spgf_torch.train +K=20 hand=panda trials=outputs/panda_trials hydra.run.dir=outputs/models/panda
 	for hand in robotiq_2f so101; do $(BIN)/python -m spgf_torch.train +K=20 hand=$$hand judge=learn hydra.run.dir=outputs/models/$$hand; done
-	$(BIN)/python -m spgf_torch.train +K=20 hand=robotiq_3f judge=learn +judging.candidates=25 hydra.run.dir=outputs/models/robotiq_3f
+	for hand in robotiq_3f sdh2_fingers; do $(BIN)/python -m spgf_torch.train +K=20 hand=$$hand judge=learn +judging.candidates=25 hydra.run.dir=outputs/models/$$hand; done
 	for hand in panda sdh2; do $(BIN)/python -m spgf_torch.pack model=outputs/models/$$hand judge=data/models/$$hand out=data/models/$$hand replace=true; done
-	for hand in robotiq_2f robotiq_3f so101; do $(BIN)/python -m spgf_torch.pack model=outputs/models/$$hand out=data/models/$$hand replace=true; done
+	for hand in robotiq_2f robotiq_3f sdh2_fingers so101; do $(BIN)/python -m spgf_torch.pack model=outputs/models/$$hand out=data/models/$$hand replace=true; done
 
 # Readers of files, with changed bytes, for so many seconds (tests/fuzz).
 FUZZ_SECONDS ?= 300
