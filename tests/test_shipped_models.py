@@ -8,6 +8,7 @@ from spgf_torch.affordance.model import load_model
 from spgf_torch.hands.carried_hand import load_carried
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
+from spgf_torch.predictor import Predictor, block
 from spgf_torch.proposing.judge import load_judge
 from spgf_torch.proposing.model_folder import Identity
 from spgf_torch.settings import typed
@@ -33,6 +34,18 @@ def test_a_model_is_small_and_of_its_hand(name: str) -> None:
         assert (known.hand, known.objects) == (name, 50) and known.date
         assert known.words() in (folder / "README.md").read_text(encoding="utf-8")
     assert len(votes.condensed.cell) > 100_000
+
+
+def test_votes_take_no_part_in_what_a_judge_ranks() -> None:
+    """So a small model of it proposes what a whole one does: its rates are the judge's."""
+    folder = ROOT / "data/models/panda"
+    model, alone = Predictor.load(folder), Predictor.load("none", judge=folder)
+    seen = block(model.sensing.spacing)
+    found, expected = model.predict(seen), alone.predict(seen)
+    assert len(found) > 10 and any(grasp.support for grasp in found)
+    for grasp, other in zip(found, expected, strict=True):
+        assert (grasp.type, grasp.probability, grasp.score) == (other.type, other.probability, other.score)
+        assert (grasp.T_input_tcp == other.T_input_tcp).all()
 
 
 def test_no_card_names_a_folder_of_the_machine_that_learned() -> None:
