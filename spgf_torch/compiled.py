@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
@@ -30,6 +31,12 @@ def compiled(function: F) -> F:
         return cast(F, compiler()(function))
     _may_fail(kernel)
     return cast(F, kernel)
+
+
+def is_kept(kernel: Any) -> bool:
+    """Whether compiled code of a kernel lies in a cache; else its first call takes seconds."""
+    folder = getattr(getattr(kernel, "stats", None), "cache_path", None)
+    return folder is not None and any(Path(folder).glob(f"*{kernel.__name__}-*.nbi"))
 
 
 def _may_fail(kernel: Any) -> None:

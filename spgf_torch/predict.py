@@ -102,8 +102,12 @@ def run(config: PredictConfig, folder: Path) -> None:
 
 def _loaded(config: PredictConfig) -> Predictor:
     """The predictor, ready."""
+    from spgf_torch.compiled import is_kept
     from spgf_torch.predictor import Predictor
+    from spgf_torch.proposing.push_loops import deepest_free
 
+    if not is_kept(deepest_free):
+        show("compiling inner loops, once on this machine: some half a minute")
     with ProgressReporter().stage("model", 1, "model") as advance:
         how = (config.device, config.proposing, config.retreat, config.judge)
         predictor = Predictor.load(config.model, *how).ready()

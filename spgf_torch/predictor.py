@@ -56,7 +56,7 @@ __all__ = ["RETREAT", "Predictor", "block"]
 RETREAT = 0.1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Predictor:
     """What was learned for a hand, and the hand.
 
@@ -80,6 +80,12 @@ class Predictor:
     judge_folder: Path | None = None
     hand: Hand | None = None
     folder: Path | None = None
+
+    def __repr__(self) -> str:
+        known = self.model or (self.judged and self.judged.judge)
+        which = f"{Identity.of(known).words()}; " if known else ""
+        ranks = "votes" if self.judged is None else "a judge"
+        return f"Predictor({which}grasp types {', '.join(sorted(self.grippers))}; ranked by {ranks})"
 
     @staticmethod
     def load(

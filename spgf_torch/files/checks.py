@@ -79,9 +79,9 @@ def rigid(value: Any, where: str) -> np.ndarray:
 
 
 def _rigid(T: np.ndarray, where: str) -> np.ndarray:
-    rotation(T[:3, :3], where)
     if np.abs(T[3] - [0, 0, 0, 1]).max() > TOLERANCE:
         raise InputError(f"{where}: expected 0 0 0 1 in the last row, got {reprlib.repr(T[3].tolist())}")
+    rotation(T[:3, :3], where)
     return T
 
 

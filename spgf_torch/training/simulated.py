@@ -68,13 +68,13 @@ class Simulation:
         trials = Trials(load_hand(config.hand), config.episode)
         try:
             return tables_of(objects, config.trials, trials, config.sampler), False
-        except InputError as error:
+        except InputError:
             if config.trials != (shipped := default_trials()):
                 raise
             count = config.random_trials if course is None else course.shop.config.candidates
             self.tell(
-                f"random trials: {count} of each type on each object are made here, those in {shipped} are others "
-                f"({error})"
+                f"random trials: {count} of each type on each object are made here; those in {shipped} are of another "
+                "hand, episode or other objects"
             )
         if course is not None:
             return course.made_tables(), True

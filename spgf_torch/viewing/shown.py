@@ -70,7 +70,11 @@ class Page:
         centre = (low + high) / 2
         place = centre + (AWAY[0] * float(np.linalg.norm(high - low)) + AWAY[1]) * eye.towards
         self._server.scene.set_up_direction(eye.up)
-        for camera in (self._server.initial_camera, *(each.camera for each in self._server.get_clients().values())):
+        cameras: list[Any] = [
+            self._server.initial_camera,
+            *(each.camera for each in self._server.get_clients().values()),
+        ]
+        for camera in cameras:
             camera.position, camera.look_at = place, centre
 
     def refuse(self, path: Path, why: str) -> None:
@@ -93,7 +97,7 @@ class Page:
         vertices, faces = hand_mesh(self._shapes[grasp.type], self._moves[grasp.type], float(self._closed.value))
         colour = tuple((255 * success_colours(np.array([grasp.probability]))[0]).astype(int).tolist())
         placed = transform_points(vertices, grasp.T_input_tcp).astype(np.float32)
-        how = {"color": colour, "opacity": 0.7, "flat_shading": True, "side": "double"}
+        how: dict[str, Any] = {"color": colour, "opacity": 0.7, "flat_shading": True, "side": "double"}
         return self._server.scene.add_mesh_simple(f"/hands/{i}", placed, faces, **how)
 
     def _points(self, name: str, points: np.ndarray, colour: tuple[int, int, int]) -> None:
