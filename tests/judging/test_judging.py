@@ -104,7 +104,7 @@ def bench() -> tuple[Bench, Search, JudgeConfig]:
 def test_the_command_leaves_a_judge(place: Path) -> None:
     run = place / "outputs/judge/latest"
     tables = {"trials", "own_trials", "folds"}
-    assert {p.name for p in run.iterdir()} == {"config.yaml", "judge.json", "judge.safetensors", "README.md", *tables}
+    assert {p.name for p in run.iterdir()} == {"config.yaml", "hand", "judge.json", "judge.safetensors", "README.md", *tables}
     judge = load_judge(run)
     assert set(judge.taught) == set(OBJECTS) and judge.sure == 0.8
     kinds = {"1 view, alone", "1 view, on a table", "4 views, alone", "4 views, on a table"}
@@ -174,7 +174,7 @@ def test_scenes_teach_and_their_trials_teach_again(
     [
         (["objects=nowhere"], ["nowhere"]),
         (["trials=nowhere"], ["nowhere", "simulate"]),
-        (["objects=objects", "folds=5"], ["folds (5)", "got 4", "folds=4"]),
+        (["objects=objects", "folds=6"], ["folds (6)", "got 4", "folds=4"]),
         (["objects=objects", "trials=empty"], ["config.yaml", "simulate"]),
         (["objects=objects", "known=empty"], ["known", "+context=tabletop"]),
         (["objects=objects", "known=empty", "+context=tabletop"], ["judge.json", "no such file"]),
