@@ -108,7 +108,7 @@ def test_predict_ranks_by_the_judge(
     for grasp in grasps:
         assert grasp.judged is not None and grasp.probability == pytest.approx(np.prod(grasp.judged), abs=1e-6)
     page = (run / "index.html").read_text()
-    for words in ("then holds with", "shapes that voted", "(usual ", "the table"):
+    for words in ("then holds", "Shapes that voted", "What the judge weighed", '"usual"'):
         assert words in page, words
     assert len(grasps) >= 5 and said == sorted(said, reverse=True) and (run / "index.html").is_file()
     assert min(grasp.T_input_tcp[2, 3] for grasp in grasps) > 0.0  # above the table
@@ -267,17 +267,17 @@ def test_rates_on_objects_that_taught_the_judge_are_told_to_be_none_of_novel_one
 @pytest.mark.parametrize(
     ("command", "overrides", "words"),
     [
-        ("evaluate", ["judge=nowhere"], ["judge", "nowhere", "judge.json"]),
+        ("evaluate", ["judge=nowhere"], ["judge: expected a model", "got nowhere"]),
         ("evaluate", ["judge=judge", "candidates=sampled"], ["judge", "candidates=proposed"]),
         ("evaluate", ["table=true", "candidates=sampled"], ["table", "candidates=proposed"]),
         ("evaluate", ["judge=judge", "held_out=true"], ["judge=", "held_out", "README.md"]),
-        ("evaluate", ["judge=panda"], ["judge", "sdh2", "panda", "python -m spgf_torch.judge hand=sdh2"]),
+        ("evaluate", ["judge=./panda"], ["judge", "sdh2", "panda", "python -m spgf_torch.judge hand=sdh2"]),
         ("predict", ["judge=nowhere"], ["judge", "nowhere"]),
-        ("predict", ["judge=panda"], ["judge", "the model's hand", "panda"]),
+        ("predict", ["judge=./panda"], ["judge", "the model's hand", "panda"]),
         ("predict", ["judge=scans"], ["judge.json", "scans"]),
         ("predict", ["model=none"], ["judge", "model=none"]),
         ("predict", ["model=alone", "judge=none"], ["judge", "model=alone"]),
-        ("predict", ["model=nowhere", "judge=judge"], ["nowhere/model.json", "model=none"]),
+        ("predict", ["model=nowhere", "judge=judge"], ["model: expected a model", "got nowhere"]),
     ],
 )
 def test_what_does_not_go_together_is_refused(

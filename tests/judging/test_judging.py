@@ -104,7 +104,14 @@ def bench() -> tuple[Bench, Search, JudgeConfig]:
 def test_the_command_leaves_a_judge(place: Path) -> None:
     run = place / "outputs/judge/latest"
     tables = {"trials", "own_trials", "folds"}
-    assert {p.name for p in run.iterdir()} == {"config.yaml", "hand", "judge.json", "judge.safetensors", "README.md", *tables}
+    assert {p.name for p in run.iterdir()} == {
+        "config.yaml",
+        "hand",
+        "judge.json",
+        "judge.safetensors",
+        "README.md",
+        *tables,
+    }
     judge = load_judge(run)
     assert set(judge.taught) == set(OBJECTS) and judge.sure == 0.8
     kinds = {"1 view, alone", "1 view, on a table", "4 views, alone", "4 views, on a table"}

@@ -157,7 +157,7 @@ def test_a_judge_from_tables_is_that_of_the_run_to_the_bit(tmp_path: Path, monke
     learn(config(*few), Path("first"))
     monkeypatch.setattr("spgf_torch.judging.resumable_trials.execute_words", None)
     learn(config(*few, "trials=first/trials", "own_trials=first/own_trials"), Path("second"))
-    assert {path.name for path in Path("second").iterdir()} == {"judge.json", "judge.safetensors", "README.md"}
+    assert {path.name for path in Path("second").iterdir()} == {"hand", "judge.json", "judge.safetensors", "README.md"}
     for name in ("judge.json", "judge.safetensors", "README.md"):
         assert Path("first", name).read_bytes() == Path("second", name).read_bytes()
 
@@ -178,7 +178,6 @@ def test_train_learns_with_the_settings_of_judge() -> None:
         (["own_trials=data/trials"], ["own_trials", "judge=learn"]),
         (["+judging.rounds=1"], ["judging", "judge=learn"]),
         (["judge=learn", "own_trials=nowhere"], ["own_trials", "nowhere"]),
-        (["hand=panda", "objects=objects"], ["hand_digest"]),  # made only for a judge
         (
             ["hand=panda", "judge=learn", "trials=tables", "objects=objects"],
             ["hand_digest"],
