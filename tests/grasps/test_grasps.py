@@ -72,7 +72,7 @@ def test_the_same_grasp_in_another_frame() -> None:
     ("T", "words"),
     [
         (np.eye(3), r"T: expected a rigid pose \(4, 4\), got shape \(3, 3\)"),
-        (2 * np.eye(4), "T: expected a rotation"),
+        (np.diag([2.0, 2.0, 2.0, 1.0]), "T: expected a rotation"),
         (np.diag([1, 1, -1, 1]), "T: expected a rotation, got a mirrored one"),
         (np.full((4, 4), np.nan), "T: expected a finite number, got nan"),
         ("robot", r"T: expected a rigid pose \(4, 4\), got 'robot'"),
