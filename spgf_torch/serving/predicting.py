@@ -80,7 +80,7 @@ def load(config: ServeConfig) -> dict[str, Any] | InputError:
     try:
         how = (config.device, config.proposing, config.retreat, config.judge)
         model = Predictor.load(str(config.model), *how).ready()
-        about = identity(str(config.model), model)
+        about = identity(model)
     except InputError as error:
         return error
     _loaded[:] = [_Loaded(model, about, config)]
@@ -89,17 +89,16 @@ def load(config: ServeConfig) -> dict[str, Any] | InputError:
     return about
 
 
-def identity(folder: str, model: Predictor) -> dict[str, Any]:
+def identity(model: Predictor) -> dict[str, Any]:
     """Which model this is, without where it lies: its folder's name, hand, types, digests, the program's version."""
     from spgf_torch.files.digests import digest_of
     from spgf_torch.files.given_paths import JUDGE, MODEL
-    from spgf_torch.paths import find
 
-    place = find(folder).resolve()
-    files = [place / name for name in (*MODEL, *JUDGE) if (place / name).is_file()]
+    parts = ((model.folder, MODEL), (model.judge_folder, JUDGE))
+    files = [folder / name for folder, names in parts if folder is not None for name in names]
     hand = next(iter(model.grippers.values()))
     return {
-        "name": place.name,
+        "name": files[0].resolve().parent.name,
         "hand": hand.name.removesuffix(f"_{hand.type}"),
         "types": sorted(model.grippers),
         "ranked_by": "judge" if model.judged is not None else "votes",

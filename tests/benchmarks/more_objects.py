@@ -261,6 +261,9 @@ def costs(bench: Bench, taught: Set, space: TrainingSpace, describing: float, le
 
 
 def main() -> None:
+    if len(sys.argv) < 2:
+        print("more_objects.py: not measured: expected a folder of drawn objects and their trials, got none")
+        return
     folder, given = Path(sys.argv[1]), dict(argument.split("=", 1) for argument in sys.argv[2:])
     counts = sorted(int(count) for count in given.get("counts", "50,200,1000").split(","))
     with threads(1):

@@ -1,6 +1,6 @@
 """What making a model small costs: rates of candidates by cross-validation, its bytes, and how long it takes to load.
 
-    python tests/benchmarks/shipped.py RUN      RUN: a folder of train fold_models=true
+    python tests/benchmarks/shipped.py [RUN...]     RUN: a folder of train fold_models=true; without one it is made
 
 Each fold's model ranks the tried grasps on objects that it has not seen, whole and made small (conf/small). Small ones
 go through a file, so that what is measured is what is shipped. Rates: success among the N best of all types, percent.
@@ -10,6 +10,7 @@ import spgf_torch  # noqa: F401  before torch: it sets how torch's threads wait
 
 # isort: split
 
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -92,10 +93,16 @@ def measure(run: Path, report: Report) -> None:
         report.figure(f"candidates, {ranking}, seed {config.seed}, {config.N} best", "within 0.5", words)
 
 
+def made(folder: Path) -> Path:
+    """A run of the paper's experiment that keeps the model of each fold."""
+    command = [sys.executable, "-m", "spgf_torch.train", "+K=20", "fold_models=true", f"hydra.run.dir={folder}"]
+    subprocess.run([*command, "final_model=false"], cwd=Path(__file__).parents[2], check=True)
+    return folder
+
+
 if __name__ == "__main__":
-    if len(sys.argv) < 2:
-        sys.exit("shipped.py: expected a folder of train fold_models=true, got none")
-    made = Report("shipped", "Models made small beside whole ones: candidates ranked by cross-validation.")
-    for given in sys.argv[1:]:
-        measure(Path(given), made)
-    made.write()
+    report = Report("shipped", "Models made small beside whole ones: candidates ranked by cross-validation.")
+    with TemporaryDirectory() as place:
+        for run in map(Path, sys.argv[1:]) if sys.argv[1:] else (made(Path(place) / "run"),):
+            measure(run, report)
+    report.write()

@@ -28,6 +28,7 @@ from serving_machines import Running, Told, serving
 import spgf_torch
 from spgf_torch.sensing.cameras import Camera, cast, look_at
 from spgf_torch.serving.client import Client, ServeError
+from spgf_torch.serving.predicting import identity
 
 LIMITS = ("largest_mb=4", "body_seconds=20", "wait_seconds=120", "seconds=60", "kept=1", "max_points=200000")
 TABLE = [0.0, 0.0, 1.0, 0.0]
@@ -78,7 +79,8 @@ def test_grasps_are_those_of_the_library(
     server: Running, client: Client, cloud: np.ndarray, seen: tuple[np.ndarray, Camera]
 ) -> None:
     """Of a raw body, of a form, of JSON and of a file; and of a depth image with its camera."""
-    model = spgf_torch.load(ROOT / "data/models/panda")
+    model = spgf_torch.load("panda")  # by its name, the server by its folder
+    assert identity(model) == client.health()["model"] and len(identity(model)["digest"]) == 4
     scene = spgf_torch.Scene.from_points(cloud, EYE, sensing=model.sensing, table=TABLE)
     expected = model.predict(scene, 2).to_dict()
     raw = asked(server, npy(cloud), f"?viewpoint={','.join(map(str, EYE))}&table=0,0,1,0&top=2").json
