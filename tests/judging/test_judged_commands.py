@@ -1,6 +1,7 @@
 """What `predict` and `evaluate` do with a judge, and what they refuse."""
 
 import json
+import re
 import shutil
 import sys
 from collections.abc import Sequence
@@ -108,8 +109,12 @@ def test_predict_ranks_by_the_judge(
     for grasp in grasps:
         assert grasp.judged is not None and grasp.probability == pytest.approx(np.prod(grasp.judged), abs=1e-6)
     page = (run / "index.html").read_text()
-    for words in ("then holds", "Shapes that voted", "What the judge weighed", '"usual"'):
-        assert words in page, words
+    content = json.loads(re.search(r'<script type="application/json" id="content">(.*?)</script>', page)[1])  # type: ignore[index]
+    assert len(content["grasps"]) == len(grasps) and content["table"] and content["votes"]
+    for shown, grasp in zip(content["grasps"], grasps, strict=True):
+        assert shown["judged"] == pytest.approx(grasp.judged, abs=1e-3)
+        assert all(number["usual"] and number["moved"] for number in shown["weighed"])
+    assert any(shown["weighed"] for shown in content["grasps"])
     assert len(grasps) >= 5 and said == sorted(said, reverse=True) and (run / "index.html").is_file()
     assert min(grasp.T_input_tcp[2, 3] for grasp in grasps) > 0.0  # above the table
 
