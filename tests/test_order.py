@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from conftest import LONGEST
+from longest import LONGEST
 
 
 def test_what_begins_first_is_there() -> None:

@@ -62,12 +62,12 @@ def test_folds_that_differ_or_do_not_know_an_object_are_told(run):
 
 def test_the_shipped_judge_of_a_hand_plans_where_none_is_named():
     learned = Learned.of(config(hand="panda"))
-    assert learned.votes is None and learned.judge is not None and learned.judge.parts[-2:] == ("judge", "panda")
+    assert learned.votes == learned.judge is not None and learned.judge.parts[-2:] == ("models", "panda")
     with pytest.raises(
         InputError,
-        match=r"^hand: expected a hand with a shipped model \(panda, sdh2\), got robotiq_2f; of others: model=FOLDER",
+        match=r"^hand: expected a hand with a shipped model \(panda, .*so101\), got claw; of others: model=NAME or ",
     ):
-        Learned.of(config(hand="robotiq_2f"))
+        Learned.of(config(hand="panda", **{"hand.name": "claw"}))
 
 
 @pytest.mark.parametrize(

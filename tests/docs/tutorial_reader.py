@@ -139,13 +139,24 @@ def spgf(words: Sequence[str]) -> str:
     """What the command prints, run in this process, which it leaves as it was."""
     expected = next((int(word.removeprefix("status=")) for word in words if word.startswith("status=")), 0)
     arguments, status = [word for word in words if not word.startswith("status=")], 0
-    with process_kept() as out:
+    with process_kept() as out, not_imported(f"spgf_torch.{arguments[0]}"):
         try:
             status = main(arguments)
         except SystemExit as left:
             status = left.code if isinstance(left.code, int) else 0
     assert status == expected, f"spgf {shlex.join(arguments)}: status {status}\n{out.getvalue()}"
     return out.getvalue()
+
+
+@contextmanager
+def not_imported(module: str) -> Iterator[None]:
+    """As in a new process, which runs the module without another having imported it; `runpy` warns otherwise."""
+    known = sys.modules.pop(module, None)
+    try:
+        yield
+    finally:
+        if known is not None:
+            sys.modules[module] = known
 
 
 @contextmanager

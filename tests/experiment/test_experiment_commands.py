@@ -281,7 +281,6 @@ def test_what_needs_no_work_is_told_at_once(tmp_path: Path) -> None:
         (["trials=nowhere"], ["nowhere", "simulate"]),
         (["address=tcp://here:1"], ["address", "runner=dask"]),
         (["runner=dask"], ["address", "got none"]),
-        (["episode.friction=0.5"], ["parquet", "episode.friction", "0.5"]),
     ],
 )
 def test_train_refuses_bad_input(
@@ -289,6 +288,12 @@ def test_train_refuses_bad_input(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     says(train, TrainConfig, words, "train", "K=4", *overrides)
+
+
+def test_train_refuses_trials_of_another_episode(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    given = (f"objects={small}/objects", f"trials={small}/trials", "episode.friction=0.5")
+    says(train, TrainConfig, ["parquet", "episode.friction", "0.5"], "train", *given, *TINY)
 
 
 def test_train_refuses_damaged_trials(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -398,7 +403,8 @@ def test_held_out_objects_meet_models_that_have_not_seen_them(small: Path, monke
         (["objects=nowhere"], ["nowhere"]),
         (["objects=empty"], ["empty", "mesh"]),
         (["objects=large"], ["block.ply", "unit=mm"]),
-        (["objects=empty", "model=nowhere"], ["nowhere/model.json"]),
+        (["objects=empty", "model=nowhere"], ["model: ", "latest or a folder, got nowhere"]),
+        (["objects=empty", "model=empty/"], ["empty/model.json", "no such file"]),
         (["hand.closing.effort=1"], ["hand"]),
     ],
 )
@@ -474,7 +480,7 @@ def test_predict_says_why_there_is_no_grasp_and_which_target_is_whose(
         (["input=nowhere.ply"], ["nowhere.ply"]),
         (["input=mm.npy"], ["mm.npy", "unit"]),
         (["input=bare.npy"], ["viewpoints"]),
-        (["input=bare.npy", "model=nowhere"], ["nowhere/model.json"]),
+        (["input=bare.npy", "model=nowhere"], ["model: ", "latest or a folder, got nowhere"]),
     ],
 )
 def test_predict_refuses_bad_input(

@@ -105,7 +105,8 @@ def test_acronym_is_read_back(trials: TrialSet, tmp_path: Path) -> None:
     [
         ("object/mass", None, "object/mass"),
         ("object/mass", h5py.ExternalLink("other.h5", "/object/mass"), "object/mass"),
-        ("grasps/transforms", np.ones((2, 4, 4)), "rotation"),
+        ("grasps/transforms", np.ones((2, 4, 4)), "0 0 0 1 in the last row"),
+        ("grasps/transforms", np.tile(np.diag([1.0, 1, -1, 1]), (2, 1, 1)), "rotation"),
         ("grasps/transforms", np.ones((2, 3, 4)), "N poses"),
         ("grasps/qualities/flex/object_in_gripper", np.array([1, 2]), "0 and 1"),
         ("grasps/qualities/flex/object_in_gripper", np.array([1]), "N poses"),

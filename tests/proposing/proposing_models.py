@@ -24,7 +24,7 @@ CONFIG = settings(
     refined=5,
     probability_weight=0,
 )
-SETTINGS = {"affordance": plain(AFFORDANCE), "features": plain(settings(FeatureConfig))}
+SETTINGS = {"hand": {"name": "claw"}, "affordance": plain(AFFORDANCE), "features": plain(settings(FeatureConfig))}
 
 
 def two_fingers(opening: float) -> HandVolume:

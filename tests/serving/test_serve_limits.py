@@ -206,7 +206,11 @@ def test_addresses_and_methods_that_there_are_not(server: Alone) -> None:
 def test_each_request_is_a_line_and_is_counted(server: Alone, capfd: pytest.CaptureFixture[str]) -> None:
     server.ask("GET", "/no%0a%1b[31mthing")
     ask_for_grasps(server)
-    lines = capfd.readouterr().err.splitlines()
+    said, end = "", time.monotonic() + 20
+    while said.count("\n") < 2 and time.monotonic() < end:  # a line is told once its answer has gone
+        said += capfd.readouterr().err
+        time.sleep(0.01)
+    lines = said.splitlines()
     assert len(lines) == 2 and "127.0.0.1 GET /no \\x1b[31mthing 404 in 0." in lines[0]
     assert "POST /grasps 200 in 0." in lines[1] and lines[1].endswith("s, 0 grasps")
     counted = server.ask("GET", "/metrics")

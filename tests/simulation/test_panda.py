@@ -211,8 +211,10 @@ def test_simulate_train_evaluate(tmp_path: Path):
     assert "panda" in (model / "README.md").read_text()
     with pytest.raises(InputError, match=r"banana\.parquet: expected trials made with hand_digest"):
         train.run(settled("train", TrainConfig, *learn, "hand=sdh2"), tmp_path)
+    others = tmp_path / "others"  # a folder that was named: no other trials are made in the place of these
+    shutil.copytree(root() / "data/trials", others)
     with pytest.raises(InputError, match="expected trials made with hand_digest"):
-        train.run(settled("train", TrainConfig, *learn, "trials=data/trials"), tmp_path)
+        train.run(settled("train", TrainConfig, *learn, f"trials={others}"), tmp_path)
 
     block = trimesh.creation.box((0.05, 0.06, 0.08)).subdivide().subdivide()
     block.export(meshes / "block.ply")
