@@ -101,7 +101,7 @@ def run(config: PredictConfig, folder: Path) -> None:
 
 
 def _loaded(config: PredictConfig) -> Predictor:
-    """The predictor, ready."""
+    """The predictor; what it builds and compiles at its first prediction is the time of the first scene."""
     from spgf_torch.compiled import is_kept
     from spgf_torch.predictor import Predictor
     from spgf_torch.proposing.push_loops import deepest_free
@@ -110,7 +110,7 @@ def _loaded(config: PredictConfig) -> Predictor:
         show("compiling inner loops, once on this machine: some half a minute")
     with ProgressReporter().stage("model", 1, "model") as advance:
         how = (config.device, config.proposing, config.retreat, config.judge)
-        predictor = Predictor.load(config.model, *how).ready()
+        predictor = Predictor.load(config.model, *how)
         advance(1)
     return predictor
 

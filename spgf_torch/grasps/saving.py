@@ -97,7 +97,8 @@ def _glb(grasps: Grasps, folder: Path) -> list[Path]:
         scene, T = source.scene, source.T_grasps_scene
         seen = (scene.texlets.positions, scene.texlets.normals, scene.obstacles)
         positions, normals, obstacles = (part.double().cpu().numpy() for part in seen)
-        beside = Surroundings(positions, normals, scene.spacing, obstacles, scene.table).transform(T)
+        colours = None if scene.sensed is None else scene.sensed.colours_at(positions)
+        beside = Surroundings(positions, normals, scene.spacing, obstacles, scene.table, colours).transform(T)
     write_glb(path, grasps, grasps.grippers, beside)
     return [path]
 

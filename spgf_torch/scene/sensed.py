@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from spgf_torch.scene.cloud import Cloud, voxel_means
 from spgf_torch.scene.planes import height
@@ -27,6 +28,12 @@ class Sensed:
     points: np.ndarray
     target: np.ndarray
     colours: np.ndarray | None = None
+
+    def colours_at(self, positions: np.ndarray) -> np.ndarray | None:
+        """(N, 3) uint8 of the target's points nearest to positions (N, 3), m; None where no colour is known."""
+        if self.colours is None or not self.target.any():
+            return None
+        return self.colours[self.target][cKDTree(self.points[self.target]).query(positions)[1]]
 
 
 def sensed_of(
