@@ -175,7 +175,7 @@ def _means(values: np.ndarray, home: np.ndarray, count: int) -> np.ndarray:
 
 def vectors(name: str, values: object, shape: Sequence[int | None]) -> np.ndarray:
     """A setting as a float64 array of `shape` (None: any length); InputError that names it otherwise."""
-    words = " x ".join("any number" if n is None else str(n) for n in shape)
+    words = " x ".join("N" if n is None else str(n) for n in shape)
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

@@ -126,7 +126,9 @@ class Client:
             raise ServeError(_line(error), error.code, float(after) if after else None) from None
         except (OSError, ValueError) as error:  # ValueError: an answer that is no JSON
             reason = getattr(error, "reason", None) or error
-            raise ServeError(f"{self.url}: expected an answer of spgf serve, got {reason}") from None
+            words = getattr(reason, "strerror", None) or reason
+            remedy = "; is it there? (spgf serve --hand NAME)" if isinstance(reason, ConnectionError) else ""
+            raise ServeError(f"{self.url}: expected an answer of spgf serve, got {words}{remedy}") from None
 
 
 def _line(error: urllib.error.HTTPError) -> str:

@@ -128,8 +128,8 @@ def test_notes_and_plane_of_a_scene_on_a_table(cloud: Path, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"viewpoints": [0, 0]}, "viewpoints: expected any number x 3 finite numbers"),
-        ({"viewpoints": [[0, 0, "a"]]}, "viewpoints: expected any number x 3 numbers"),
+        ({"viewpoints": [0, 0]}, "viewpoints: expected N x 3 finite numbers"),
+        ({"viewpoints": [[0, 0, "a"]]}, "viewpoints: expected N x 3 numbers"),
         ({"viewpoints": [[0, 0, 700]]}, r"viewpoints: expected within 10 m of the points, got .* settings are in m"),
         ({"viewpoints": [[0.1, 0, 0.22]]}, "expected the viewpoint outside of the points"),
         (
