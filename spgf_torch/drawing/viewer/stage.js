@@ -1,6 +1,6 @@
 // The view: everything in three dimensions, and where it is looked at from. Drawn when something changes, not always.
 const ANGLE = 28, ROOM = 1.12; // deg of the view's height; so much more than fits is shown
-const AROUND = 0.05; // m around the TCP that are in sight where a grasp is looked at
+const AROUND = 0.075; // m around the TCP that are in sight where a grasp is looked at
 const PALM = 0.5; // opacity of what stands still while the hand closes
 const REACH = 14; // pixels around the mouse within which an outline is meant
 
