@@ -55,7 +55,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Links as they are in the repository, turned into those of the site; blocks without what tests are told of them."""
+    """Links as they are in the repository, turned into those of the site; blocks without what tests are told."""
     uri = page.file.src_uri
     inside = uri.startswith(f"{BROUGHT}/")
     here = PurePosixPath(uri).relative_to(BROUGHT) if inside else PurePosixPath("docs") / uri
