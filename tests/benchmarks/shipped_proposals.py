@@ -36,7 +36,7 @@ def small_copy(run: Path, place: Path) -> Path:
     usual = settings(SmallConfig)
     (place / FOLDER).mkdir(parents=True)
     shutil.copy(run / FOLDER / "objects.json", place / FOLDER)
-    for folder in (run, *(each for each in (run / FOLDER).iterdir() if each.is_dir())):
+    for folder in sorted(path.parent for path in (*run.glob("model.json"), *run.glob(f"{FOLDER}/*/model.json"))):
         model, there = load_model(folder), place / folder.relative_to(run)
         there.mkdir(exist_ok=True)
         share = usual.points if folder == run else round(len(model.condensed.cell) * usual.points / WHOLE)
