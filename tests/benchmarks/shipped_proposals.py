@@ -70,11 +70,12 @@ def main(words: list[str]) -> None:
         place = Path(name)
         for number, run in enumerate(runs or [made(place / "run", whole=True)]):
             small = small_copy(run, place / f"small_{number}")
-            cases = {
-                "held-out objects": ["held_out=true", "objects=data/objects"],
-                f"{scans and scans.name}": [f"objects={scans}"],
-            }
-            for what, given in list(cases.items())[: 1 + (scans is not None)]:
+            cases = {"held-out objects": ["held_out=true", "objects=data/objects"]}
+            if scans is not None and (run / "model.json").is_file():
+                cases[scans.name] = [f"objects={scans}"]
+            elif scans is not None:
+                report.skip(f"{scans.name}: {run.name} has no model of all objects (final_model=false)")
+            for what, given in cases.items():
                 found = [executed(each, place / f"{number}_{what}_{each.name}", *given) for each in (run, small)]
                 compare(f"proposals by votes alone, {what}, {run.name}", *found, report)
     report.write()
