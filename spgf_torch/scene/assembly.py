@@ -137,7 +137,7 @@ def scene_of_views(
     try:
         return _scene_of_views(views, config, sensing, generator)
     except InputError as error:
-        hint = unusual_depth(views) if any((view.depth > 0).any() for view in views) else ""
+        hint = unusual_depth(views, config) if any((view.depth > 0).any() for view in views) else ""
         if not hint or "depth_scale" in str(error):
             raise
         raise InputError(f"{error}; {hint}") from None

@@ -94,6 +94,21 @@ def test_another_depth_scale_is_told(factor: float, alone: bool, ideal: tuple[np
     assert any("depth_scale" in note for note in notes[1:]) == (factor != 1), notes
 
 
+@pytest.mark.parametrize(
+    ("stated", "factor", "remedy"), [(0.01, 10, "0.001 (millimetres)"), (0.0002, 0.2, "0.001 (mil")]
+)
+def test_a_depth_scale_that_was_stated_is_what_others_are_told_against(
+    stated: float, factor: float, remedy: str, ideal: tuple[np.ndarray, np.ndarray]
+) -> None:
+    """Millimetres that were read as something else: the scale that is right is offered, not one ten times off."""
+    depth = factor * ideal[0]
+    points, config = pixel_points(depth, CAMERA)[depth > 0], settings(SceneConfig, depth_scale=stated)
+    chosen = points[points[:, 2] - EYE[2] * (1 - factor) > 0.008 * factor]
+    lines = size_notes([Cloud(chosen - EYE)], [view(depth)], config, True)
+    (line,) = [note for note in lines if "depth_scale" in note]
+    assert remedy in line and f"{stated:g} (" not in line
+
+
 @pytest.mark.parametrize(("factor", "odd"), [(1, False), (10, True), (100, True), (0.1, True)])
 def test_another_unit_of_a_cloud_is_told(factor: float, odd: bool) -> None:
     up = np.random.default_rng(0).normal(size=(4000, 3))
