@@ -138,7 +138,7 @@ def _instance(kind: type[T], values: Any) -> T:
         _check_literal(values, "")
         given = _named(_plain(values))
         _check_mappings(kind, given, "")
-        merged = OmegaConf.merge(OmegaConf.structured(kind), OmegaConf.create(given))
+        merged = OmegaConf.merge(_structured(kind), OmegaConf.create(given))
         _given(kind, given, "")
         result = OmegaConf.to_object(merged)
     except MissingMandatoryValue as error:
@@ -147,6 +147,12 @@ def _instance(kind: type[T], values: Any) -> T:
         raise InputError(_one_line(error)) from None
     _check(result, "")
     return result  # type: ignore[return-value]
+
+
+@cache
+def _structured(kind: Any) -> Any:
+    """The types and defaults of a dataclass as OmegaConf has them, which takes it as long as merging values."""
+    return OmegaConf.structured(kind)
 
 
 def plain(config: Any) -> dict[str, Any]:
