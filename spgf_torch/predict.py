@@ -38,10 +38,10 @@ def _ranking(predictor: Predictor, votes: Path | None, judge: Path | None, scene
     if votes is not None and predictor.model is not None:
         ranks = "its votes rank" if judge is None else "its votes are shown beside each grasp"
         which, K = Identity.of(predictor.model).words(), len(predictor.model.centres)
-        lines.append(f"model: {votes.resolve()}, {which}, K = {K}; {ranks}")
+        lines.append(f"model: {which}, K = {K}; {ranks}; in {votes.resolve()}")
     if judge is not None and predictor.judged is not None:
         which = Identity.of(predictor.judged.judge).words()
-        lines.append(f"judge: {judge.resolve()}, {which}, which ranks, {scene.unseen or 'without unseen space'}")
+        lines.append(f"judge: {which}, which ranks, {scene.unseen or 'without unseen space'}; in {judge.resolve()}")
     return lines
 
 

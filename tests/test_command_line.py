@@ -188,6 +188,7 @@ def test_hydras_own_forms_go_on_working() -> None:
         ("predict", ["--input=mug.ply"], ["input=mug.ply"]),
         ("predict", ["-n", "3"], ["key=value"]),
         ("predict", ["input=a", "n=3"], ["n: ", "did you mean N?"]),
+        ("predict", ["input=a", "top=3"], ["top: ", "N=COUNT is how many of each type"]),
         ("predict", ["input=a", "viewpoint=[0,0,0]"], ["did you mean viewpoints?"]),
         ("predict", ["input=a", "out=b"], ["out: ", "unknown key"]),
         ("predict", ["input=a", "sensing.distance=3"], ["sensing.distance: ", "unknown key"]),

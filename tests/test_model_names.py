@@ -6,7 +6,7 @@ import pytest
 from commands import ROOT
 
 from spgf_torch.errors import InputError
-from spgf_torch.files.given_paths import check_model, known_models, model_and_judge, model_folder
+from spgf_torch.files.given_paths import check_model, check_place, known_models, model_and_judge, model_folder
 
 
 @pytest.fixture
@@ -29,8 +29,6 @@ def test_names_of_own_and_shipped_models(place: Path) -> None:
     assert model_folder("mine") == Path("models/mine")
     assert model_folder("panda") == ROOT / "data/models/panda"
     assert {"mine", "panda", "sdh2"} <= known_models().keys()
-    made(place / "models/panda/judge.json")
-    assert model_folder("panda") == Path("models/panda")
 
 
 def test_a_path_stays_a_path(place: Path) -> None:
@@ -73,3 +71,15 @@ def test_a_word_that_means_two_models_is_refused(place: Path) -> None:
     with pytest.raises(InputError, match=r"^model: expected one model, got two: \./panda and .*; model=\./panda is"):
         model_folder("panda")
     assert model_folder("./panda") == Path("./panda")
+
+
+def test_a_shipped_name_is_no_name_for_ones_own(place: Path) -> None:
+    """Else a robot may get another hand's grasps: neither is it given, nor is one taken that was put there."""
+    with pytest.raises(InputError, match=r"^name: expected a name of your own, not that of .*\(panda, .*; got panda$"):
+        check_place("panda", replace=True)
+    made(place / "models/panda/judge.json")
+    with pytest.raises(
+        InputError, match=r"^model: expected one model, got two: models/panda and .*; model=models/panda is"
+    ):
+        model_folder("panda")
+    assert model_folder("models/panda") == Path("models/panda")

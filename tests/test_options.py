@@ -77,6 +77,7 @@ def test_text_that_hydra_could_not_read_is_quoted() -> None:
     ("command", "given", "words"),
     [
         ("predict", "--viewpiont 0 0 0", ["--viewpiont: ", "did you mean --viewpoints?"]),
+        ("predict", "--top 3", ["--top: ", "N=COUNT is how many of each type"]),
         ("predict", "--handd panda", ["did you mean --hand?"]),
         ("predict", "x --hand pandda", ["hand: ", "panda", "did you mean panda?"]),
         ("predict", "x --hand panda --model m", ["got both"]),

@@ -1,4 +1,4 @@
-"""The picture of the grasp page: a prediction's page, opened in a headless Chromium.
+"""The picture of the grasp page, opened in a headless Chromium: that of docs/tutorials/first_grasp.md.
 
 python docs/tools/grasp_page_picture.py outputs/predict/latest/index.html [docs/images/grasp_page.png]
 """
@@ -16,7 +16,7 @@ from spgf_torch.paths import root
 sys.path.insert(0, str(root() / "tests"))
 from driven_browser import SOFTWARE_GL, DrivenBrowser
 
-WINDOW, WIDTH, COLOURS = (1280, 800), 1000, 96  # px of the window, px across of the picture, colours of its palette
+WINDOW, WIDTH, COLOURS = (1280, 800), 1000, 256  # px of the window, px across of the picture, colours of its palette
 
 
 def main(page: Path, picture: Path) -> None:
@@ -32,7 +32,7 @@ def main(page: Path, picture: Path) -> None:
             browser.close()
         image = Image.open(Path(folder) / "page.png").convert("RGB")
         small = image.resize((WIDTH, round(WIDTH * image.height / image.width)), Image.Resampling.LANCZOS)
-        small.quantize(COLOURS).save(picture, optimize=True)
+        small.quantize(COLOURS, Image.Quantize.FASTOCTREE).save(picture, optimize=True)
 
 
 if __name__ == "__main__":

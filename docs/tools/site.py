@@ -29,6 +29,8 @@ FILES = ("CONTRIBUTING.md", "CHANGELOG.md", "data/objects/README.md", "data/obje
 FOLDERS = ("data/report",)
 # Entries of `nav` in mkdocs.yml in whose place the generated pages stand.
 PACKAGES, COMMANDS = "generated: packages", "generated: commands"
+# What tests are told of a block, such as skip="needs a scene": with it the site's Markdown would take no block for one.
+_TOLD = re.compile(r"^(```python) skip=.*$", re.MULTILINE)
 _LINK = re.compile(r"(\]\()([^)\s#:]+)(#[^)\s]*)?(\))")
 
 
@@ -53,7 +55,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Links as they are in the repository, turned into those of the site."""
+    """Links as they are in the repository, turned into those of the site; blocks without what tests are told."""
     uri = page.file.src_uri
     inside = uri.startswith(f"{BROUGHT}/")
     here = PurePosixPath(uri).relative_to(BROUGHT) if inside else PurePosixPath("docs") / uri
@@ -68,7 +70,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
             return found[0]
         return f"{found[1]}{os.path.relpath(there, PurePosixPath(uri).parent)}{found[3] or ''}{found[4]}"
 
-    return _LINK.sub(turned, markdown)
+    return _TOLD.sub(r"\1", _LINK.sub(turned, markdown))
 
 
 def brought() -> list[str]:

@@ -62,7 +62,10 @@ ALIASES = {"as": "read_as"}
 _ELEMENT_IN_QUOTES = re.compile(r"""\s*(?:'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*")\s*(?=,|$)""", re.DOTALL)
 MOST_COMMAS = 20  # pieces between commas that may belong to the name of one file
 # Names that users look for and no setting has.
-ELSEWHERE = dict.fromkeys(["output", "folder", "dir"], "out=FOLDER names the folder of the run")
+ELSEWHERE = {
+    **dict.fromkeys(["output", "folder", "dir"], "out=FOLDER names the folder of the run"),
+    "top": "N=COUNT is how many of each type",
+}
 
 
 def translated(command: str, kind: type, arguments: Sequence[str]) -> list[str]:

@@ -16,7 +16,16 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Quote, QuotedString
 from hydra.errors import HydraException
 
-from spgf_torch.cli.command_line import ALIASES, PATHS, SUBJECT, exists, in_mapping, is_number, known_settings
+from spgf_torch.cli.command_line import (
+    ALIASES,
+    ELSEWHERE,
+    PATHS,
+    SUBJECT,
+    exists,
+    in_mapping,
+    is_number,
+    known_settings,
+)
 from spgf_torch.errors import InputError
 from spgf_torch.files.given_paths import model_of_hand
 from spgf_torch.paths import root
@@ -110,7 +119,7 @@ def _setting(command: str, word: str, name: str, known: dict[str, Any]) -> str:
         return f"+{bare}"  # a group that the command's own settings do not begin with
     options = [key.replace("_", "-") for key in (*known, *ALIASES, *_pseudo(known))]
     near = get_close_matches(bare.replace("_", "-"), options, 1, 0.7)
-    hint = f"; did you mean --{near[0]}?" if near else ""
+    hint = f"; did you mean --{near[0]}?" if near else f"; {ELSEWHERE[bare]}" if bare in ELSEWHERE else ""
     raise InputError(f"{word}: expected an option of {command} (see --help), got an unknown one{hint}")
 
 

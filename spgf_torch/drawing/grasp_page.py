@@ -121,15 +121,18 @@ def _controls(scene: Scene, beside: Beside) -> dict[str, str]:
             for name in ("grasp", *eyes(scene.eye), *(["camera"] if beside.cameras else []))
         ),
         "parts": "".join(
-            _box(f'data-part="{name}"', words) for name, words in _PARTS.items() if not absent.get(name, False)
+            _box(f'data-part="{name}"', words, name != "others")
+            for name, words in _PARTS.items()
+            if not absent.get(name, False)
         ),
         "kinds": f"<fieldset><legend>type</legend>{kinds}</fieldset>" if len(types) > 1 else "",
         "targets": several if len(targets) > 1 else "",
     }
 
 
-def _box(what: str, words: str) -> str:
-    return f'<label><input type="checkbox" {what} checked> {words}</label>'
+def _box(what: str, words: str, checked: bool = True) -> str:
+    """A box to tick; the other grasps begin unticked, since they would hide what is grasped."""
+    return f'<label><input type="checkbox" {what}{" checked" if checked else ""}> {words}</label>'
 
 
 def _anything_else(beside: Beside) -> bool:

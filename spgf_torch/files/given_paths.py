@@ -58,8 +58,8 @@ def check_model(name: str, path: str) -> None:
 
 
 def known_models() -> dict[str, Path]:
-    """Name -> folder of every model that has a name; the user's own come before shipped ones of the same name."""
-    rooms = [folder for place in (root() / SHIPPED, Path(OWN)) if place.is_dir() for folder in sorted(place.iterdir())]
+    """Name -> folder of every model that has a name, a shipped one's before a user's own of the same name."""
+    rooms = [folder for place in (Path(OWN), root() / SHIPPED) if place.is_dir() for folder in sorted(place.iterdir())]
     return {folder.name: folder for folder in rooms if _any_of((*MODEL, *JUDGE), folder)}
 
 
@@ -85,8 +85,9 @@ def model_folder(given: str | Path | None, key: str = "model") -> Path:
         near = get_close_matches(word, [*known, LATEST], 1)
         hint = f"; did you mean {near[0]}?" if near else ""
         raise InputError(f"{key}: expected a model ({', '.join(known)}), {LATEST} or a folder, got {word}{hint}")
-    if _any_of((*MODEL, *JUDGE), folder) and folder.resolve() != known[word].resolve():
-        raise InputError(f"{key}: expected one model, got two: ./{word} and {known[word]}; {key}=./{word} is the first")
+    for other, path in ((folder, f"./{word}"), (Path(OWN) / word, f"{OWN}/{word}")):
+        if _any_of((*MODEL, *JUDGE), other) and other.resolve() != known[word].resolve():
+            raise InputError(f"{key}: expected one model, got two: {path} and {known[word]}; {key}={path} is the first")
     return known[word]
 
 
@@ -134,6 +135,10 @@ def check_place(name: str, replace: bool, key: str = "name") -> Path:
     if not re.fullmatch(r"\w[\w.-]{0,59}", name) or name in (LATEST, NONE):
         got = name[:80] or "none"
         raise InputError(f"{key}: expected letters, digits, _, - and dots, not {LATEST} or {NONE}; got {got}")
+    if name in (shipped := _shipped()):
+        raise InputError(
+            f"{key}: expected a name of your own, not that of a shipped model ({', '.join(shipped)}); got {name}"
+        )
     return check_free(Path(OWN) / name, replace, key)
 
 

@@ -33,7 +33,7 @@ __all__ = ["Scene"]
 _SEED = 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scene:
     """What was sensed, in the input's frame.
 
@@ -68,6 +68,11 @@ class Scene:
     borders: torch.Tensor | None = None
     unseen: str = ""
     sensed: Sensed | None = None
+
+    def __repr__(self) -> str:
+        table = "no table" if self.table is None else "a table"
+        counted = f"{len(self.targets)} target(s), {len(self.texlets)} texlets, {len(self.obstacles)} obstacle points"
+        return f"Scene({counted}, {table}, {len(self.views or ())} images, {len(self.notes)} notes)"
 
     @property
     def targets(self) -> tuple[int, ...]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -207,8 +208,9 @@ def named(key: str) -> str:
 
 
 def value_of(words: str) -> Any:
-    """A number, a list or a word."""
-    for text in (words, f"[{words}]") if "," in words else (words,):
+    """A number, also one that begins with its point, a list or a word."""
+    given = re.sub(r"(?<![\w.])(?=\.\d)", "0", words)  # JSON has no .45
+    for text in (given, f"[{given}]") if "," in given else (given,):
         try:
             return json.loads(text)
         except (ValueError, RecursionError):

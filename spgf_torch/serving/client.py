@@ -59,7 +59,7 @@ class Client:
         T_input_camera: Any = None,
         **settings: Any,
     ) -> dict[str, Any]:
-        """Ranked grasps, best first, as the dictionary of grasps.json: answer["grasps"][0]["T_input_tcp"].
+        """Ranked grasps, best first, as the dictionary of grasps.json: `answer["grasps"][0]["T_input_tcp"]`.
 
         Args:
             points: (N, 3) or (H, W, 3), m.

@@ -57,7 +57,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         np.save(Path(folder) / "cloud.npy", file)
         start = time.perf_counter()
-        command = [sys.executable, "-m", "spgf_torch", "serve", f"model={Path(model).resolve()}", *OPTIONS]
+        command = [
+            sys.executable,
+            "-m",
+            "spgf_torch",
+            "serve",
+            f"model={Path(model).resolve() if '/' in model else model}",
+            *OPTIONS,
+        ]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder) as process:
             try:
                 assert process.stdout is not None

@@ -93,10 +93,10 @@ def measure(run: Path, report: Report) -> None:
         report.figure(f"candidates, {ranking}, seed {config.seed}, {config.N} best", "within 0.5", words)
 
 
-def made(folder: Path) -> Path:
-    """A run of the paper's experiment that keeps the model of each fold."""
+def made(folder: Path, whole: bool = False) -> Path:
+    """A run of the paper's experiment that keeps the model of each fold; `whole`: that of all objects, too."""
     command = [sys.executable, "-m", "spgf_torch.train", "+K=20", "fold_models=true", f"hydra.run.dir={folder}"]
-    subprocess.run([*command, "final_model=false"], cwd=Path(__file__).parents[2], check=True)
+    subprocess.run([*command, f"final_model={str(whole).lower()}"], cwd=Path(__file__).parents[2], check=True)
     return folder
 
 

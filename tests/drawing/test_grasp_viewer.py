@@ -105,6 +105,7 @@ def test_a_row_chooses_and_is_told(tab: Tab) -> None:
 
 def test_a_click_on_a_hand_chooses_its_row(tab: Tab) -> None:
     """The second stands apart from the others: somewhere in the view its outline is under the mouse."""
+    tab.click('[data-part="others"]')
     tab.click('[data-eye="above"]')
     tab.run(DRAWN)
     x, y, width, height = tab.run(

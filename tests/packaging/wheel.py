@@ -89,7 +89,19 @@ def check_wheel(wheel: Path) -> None:
     expected |= {f"spgf_torch/_shipped/{name}" for name in shipped if not name.endswith((".png", ".md"))}
     same("wheel", found, expected)
     kinds = {PurePosixPath(name).suffix for name in found}
-    allowed = {".py", ".typed", ".css", ".js", ".yaml", ".urdf", ".parquet", ".json", ".safetensors"}
+    allowed = {
+        ".py",
+        ".typed",
+        ".css",
+        ".js",
+        ".html",
+        ".LICENSE",
+        ".yaml",
+        ".urdf",
+        ".parquet",
+        ".json",
+        ".safetensors",
+    }
     if not kinds <= {*allowed, ""} or wheel.stat().st_size > LARGEST:
         fail(f"wheel: expected {sorted(allowed)} in {LARGEST} bytes, got {sorted(kinds)}, {wheel.stat().st_size}")
 

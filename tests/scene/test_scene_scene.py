@@ -80,6 +80,13 @@ def test_segments_are_targets_and_each_others_obstacles(image: tuple[np.ndarray,
     assert any(note.startswith("targets: 3 (") for note in scene.notes)
 
 
+def test_a_scene_is_a_line(image: tuple[np.ndarray, Camera, np.ndarray]) -> None:
+    depth, camera, shown = image
+    scene = Scene.from_depth(depth, camera.K, camera.T_object_camera, segments=shown, table="find")
+    counted = f"2 target(s), {len(scene.texlets)} texlets, {len(scene.obstacles)} obstacle points"
+    assert repr(scene) == f"Scene({counted}, a table, 1 images, {len(scene.notes)} notes)"
+
+
 def test_a_cloud_with_a_crop_box_a_mask_and_segments(image: tuple[np.ndarray, Camera, np.ndarray]) -> None:
     """As a camera's image of points (H, W, 3) with NaN, whose viewpoint is told by its pixels."""
     depth, camera, labels = image

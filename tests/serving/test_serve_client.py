@@ -74,7 +74,9 @@ def test_one_kind_of_input_is_asked_for() -> None:
 
 
 def test_nobody_there_and_no_file_are_told() -> None:
-    with pytest.raises(ServeError, match=r"127\.0\.0\.1:9: expected an answer of spgf serve, got Connection refused; is it there") as told:
+    with pytest.raises(
+        ServeError, match=r"127\.0\.0\.1:9: expected an answer of spgf serve, got Connection refused; is it there"
+    ) as told:
         Client("http://127.0.0.1:9/", timeout=5).health()
     assert told.value.status is None and told.value.retry_after is None
     with pytest.raises(ServeError, match=r"missing\.ply: expected a file, got No such file"):

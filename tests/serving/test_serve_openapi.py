@@ -11,7 +11,7 @@ from asymmetric import GRIPPERS, asymmetric
 from serving_machines import Alone, alone, settings
 
 from spgf_torch.formats.grasps_json import grasps_dict
-from spgf_torch.serving.bodies import SETTINGS
+from spgf_torch.serving.bodies import SETTINGS, value_of
 from spgf_torch.serving.docs_page import docs_page
 from spgf_torch.serving.openapi import openapi
 
@@ -94,3 +94,19 @@ def test_the_page_says_all_of_it_and_closes_its_tags(described: Any) -> None:
     assert not tags.open
     assert set(SETTINGS) <= set(tags.cells) and "m; clouds <are> averaged" in tags.cells
     assert "number 0.0005 to 0.05" in tags.cells and "T_input_pregrasp" in tags.cells
+
+
+@pytest.mark.parametrize(
+    ("words", "value"),
+    [
+        ("1.05,-0.25,.45", [1.05, -0.25, 0.45]),
+        ("-.5", -0.5),
+        ("[[0, .25, 1e-3]]", [[0, 0.25, 0.001]]),
+        ("0,0,1,-.03", [0, 0, 1, -0.03]),
+        ("find", "find"),
+        ("cloud.1.ply", "cloud.1.ply"),
+        (".5.6", ".5.6"),
+    ],
+)
+def test_a_value_in_an_address_is_read_as_the_command_reads_it(words: str, value: object) -> None:
+    assert value_of(words) == value

@@ -1,6 +1,7 @@
 // The view: everything in three dimensions, and where it is looked at from. Drawn when something changes, not always.
 const ANGLE = 28, ROOM = 1.12; // deg of the view's height; so much more than fits is shown
-const AROUND = 0.05; // m around the TCP that are in sight where a grasp is looked at
+const AROUND = 0.075; // m around the TCP that are in sight where a grasp is looked at
+const PALM = 0.5; // opacity of what stands still while the hand closes
 const REACH = 14; // pixels around the mouse within which an outline is meant
 
 function makeStage(content, canvas, gizmo) {
@@ -60,14 +61,16 @@ function makeStage(content, canvas, gizmo) {
     later();
   }
 
-  // What must be in sight: the targets, or what is around the chosen TCP, and the chosen hand.
+  // What must be in sight: the targets, or what is around the chosen TCP, and the fingers of the chosen hand: a whole
+  // palm in sight would leave little room for what is grasped.
   function corners(near = false) {
     const points = [], grasp = grasps[state.chosen], middle = new THREE.Vector3();
     if (near && grasp) middle.setFromMatrixPosition(grasp.matrix);
     const [x, y, z] = near && grasp ? content.half.map((half) => Math.min(half, AROUND)) : content.half;
     for (const a of [-x, x]) for (const b of [-y, y]) for (const c of [-z, z]) points.push(new THREE.Vector3(a, b, c).add(middle));
     if (!grasp) return points;
-    for (const { vertices } of hands[grasp.type].shapes)
+    const { shapes, closes } = hands[grasp.type];
+    for (const { vertices } of shapes.filter(({ moving }) => moving || !closes))
       for (let i = 0; i < vertices.length; i += 3) points.push(new THREE.Vector3().fromArray(vertices, i).applyMatrix4(grasp.matrix));
     return points;
   }
@@ -109,7 +112,10 @@ function makeStage(content, canvas, gizmo) {
     outlines.look.opacity = voted ? 0.22 : Math.min(0.6, Math.max(0.15, 7 / others.size)); // what is explained is not to be hidden
     if (grasp) {
       placeHand(groups[grasp.type], grasp, state.back, state.share);
-      for (const look of groups[grasp.type].userData.looks) Object.assign(look, { transparent: state.through, opacity: state.through ? 0.28 : 1, depthWrite: !state.through });
+      groups[grasp.type].userData.looks.forEach((look, moves) => {
+        const opacity = state.through ? 0.28 : moves || !hands[grasp.type].closes ? 1 : PALM;
+        Object.assign(look, { transparent: opacity < 1, opacity, depthWrite: opacity === 1 });
+      });
       const from = new THREE.Vector3(0, 0, -grasp.back).applyMatrix4(grasp.matrix), to = new THREE.Vector3().setFromMatrixPosition(grasp.matrix);
       way.geometry.setFromPoints(arrow(from, to, grasp.matrix));
     }
