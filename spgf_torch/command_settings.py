@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +69,11 @@ def _option(group: str, name: str) -> DictConfig:
 
 
 def _read(path: Path) -> DictConfig:
+    return deepcopy(_loaded(path))
+
+
+@cache
+def _loaded(path: Path) -> DictConfig:
     loaded = OmegaConf.load(path)
     assert isinstance(loaded, DictConfig)  # conf/ holds mappings alone
     return loaded

@@ -138,7 +138,7 @@ def _instance(kind: type[T], values: Any) -> T:
         _check_literal(values, "")
         given = _named(_plain(values))
         _check_mappings(kind, given, "")
-        merged = OmegaConf.merge(OmegaConf.structured(kind), OmegaConf.create(given))
+        merged = OmegaConf.merge(_structured(kind), OmegaConf.create(given))  # type: ignore[arg-type]  # as above
         _given(kind, given, "")
         result = OmegaConf.to_object(merged)
     except MissingMandatoryValue as error:
@@ -149,8 +149,31 @@ def _instance(kind: type[T], values: Any) -> T:
     return result  # type: ignore[return-value]
 
 
+@cache
+def _structured(kind: Any) -> Any:
+    """The types and defaults of a dataclass as OmegaConf has them, which takes it as long as merging values."""
+    return OmegaConf.structured(kind)
+
+
 def plain(config: Any) -> dict[str, Any]:
     """A settings dataclass as nested dicts and lists of plain Python values."""
+    try:
+        key = type(config), marshal.dumps(dataclasses.asdict(config), 2)
+    except ValueError:  # not built of Python's own types
+        return _as_plain(config)
+    if key not in _PLAIN:
+        while len(_PLAIN) >= MOST_PLAIN:
+            _PLAIN.pop(next(iter(_PLAIN)), None)
+        _PLAIN[key] = _as_plain(config)
+    return deepcopy(_PLAIN[key])
+
+
+MOST_PLAIN = 64  # kept of those that were made plain: a hand's settings are asked for again and again, 0.05 s each
+_PLAIN: dict[tuple[type, bytes], dict[str, Any]] = {}
+
+
+def _as_plain(config: Any) -> dict[str, Any]:
+    """`plain`, made anew: OmegaConf checks each value, and makes a whole number one of float where that is its type."""
     values: dict[str, Any] = _plain(OmegaConf.structured(config))
     return _named_only(config, values)
 

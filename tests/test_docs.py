@@ -9,8 +9,9 @@ import re
 import shlex
 import sys
 from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import fields, is_dataclass
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 from typing import Any
 
@@ -176,11 +177,12 @@ def check(command: str, kind: type, line: str) -> None:
     overrides = translated(command, kind, as_overrides(command, kind, words))
     given = [first(word) for word in overrides if word != "-m" and not word.startswith("hydra")]
     groups = tuple(word for word in given if (ROOT / "conf" / word.split("=")[0].strip("+")).is_dir())
-    values = OmegaConf.create(composed(command, groups))
+    values = deepcopy(composed(command, groups))
     for word in given:
         if word not in groups:
             parsed = OverridesParser.create().parse_rule(word, "override")
-            OmegaConf.update(values, parsed.key_or_group, parsed.value(), force_add=True)
+            *path, key = parsed.key_or_group.split(".")
+            reduce(lambda inner, name: inner.setdefault(name, {}), path, values)[key] = parsed.value()
     typed(kind, values)
 
 

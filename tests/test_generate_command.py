@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from commands import call
+from commands import here
 from composing import composed
 from matplotlib.image import imread
 
@@ -53,7 +53,7 @@ def test_nothing_is_overwritten_and_nothing_half_written(tmp_path: Path, monkeyp
 
 def test_as_a_command(tmp_path: Path) -> None:
     """Without out the objects are in the run's folder."""
-    done = call("generate", "count=3", "families=[mug,soap]", "pictured=1", cwd=tmp_path)
+    done = here("generate", "count=3", "families=[mug,soap]", "pictured=1", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "3 objects of 2 families" in done.stdout
     objects = tmp_path / "outputs/generate/latest/objects"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from commands import ROOT, in_turn
+from commands import ROOT, here
 
 import spgf_torch
 from spgf_torch.affordance.model import load_model
@@ -20,15 +20,15 @@ def test_pack_keeps_a_model_by_a_name_and_replaces_none_by_accident(tmp_path: Pa
     shutil.copytree(SHIPPED, tmp_path / "from")
     (tmp_path / "models/other").mkdir(parents=True)
     (tmp_path / "models/other/notes.txt").write_text("mine")
-    done, again, replaced, foreign, both, neither = in_turn(
-        ("spgf_torch.pack", "model=from", "name=mine", "whole=true"),
-        ("spgf_torch.pack", "model=from", "name=mine"),
-        ("spgf_torch.pack", "model=from", "name=mine", "replace=true"),
-        ("spgf_torch.pack", "model=from", "name=other", "replace=true"),
-        ("spgf_torch.pack", "model=from", "name=a", "out=b"),
-        ("spgf_torch.pack", "model=from"),
-        cwd=tmp_path,
+    lines = (
+        ("model=from", "name=mine", "whole=true"),
+        ("model=from", "name=mine"),
+        ("model=from", "name=mine", "replace=true"),
+        ("model=from", "name=other", "replace=true"),
+        ("model=from", "name=a", "out=b"),
+        ("model=from",),
     )
+    done, again, replaced, foreign, both, neither = (here("pack", *line, cwd=tmp_path) for line in lines)
     assert done.returncode == replaced.returncode == 0, done.stderr + replaced.stderr
     assert "votes: hand robotiq_3f, 50 objects" in done.stdout and "judge: hand robotiq_3f" in done.stdout
     assert {path.name for path in (tmp_path / "models/mine").iterdir()} == KEPT

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from browser import needs_browser, opened
-from commands import call, in_turn
+from commands import here
 
 sys.path.insert(0, str(Path(__file__).parent / "reporting"))
 from report_runs import defaults, write_run
@@ -35,7 +35,7 @@ console.info(`views drawn: ${document.querySelectorAll(".view .gl-container canv
 
 
 def report(*overrides: str, cwd: Path) -> subprocess.CompletedProcess:
-    return call("report", *overrides, cwd=cwd, COLUMNS="100", PYTHONWARNINGS="default")
+    return here("report", *overrides, cwd=cwd)
 
 
 @pytest.fixture(scope="module")
@@ -107,9 +107,8 @@ UNUSABLE = {
 def test_unusable_input_is_one_line(tmp_path: Path) -> None:
     write_run(tmp_path / "run", K=3)
     lines = [[override, "runs=run"] if "pictured" in override else [override] for override in UNUSABLE]
-    for done, words in zip(
-        in_turn(*(["spgf_torch.report", *line] for line in lines), cwd=tmp_path), UNUSABLE.values(), strict=True
-    ):
+    for line, words in zip(lines, UNUSABLE.values(), strict=True):
+        done = here("report", *line, cwd=tmp_path)
         assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
         assert all(word in done.stderr for word in words)
     assert not list(tmp_path.glob("outputs/report/*"))

@@ -7,12 +7,14 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 from hydra import main as hydra_main
+from hydra._internal.hydra import Hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
@@ -144,12 +146,25 @@ def _work(command: str, kind: type[T], run: Callable[[T, Path], None], started: 
             refused.append(IncompleteError(NO_MEMORY))
 
     try:
-        hydra_main(version_base="1.3", config_path=str(root() / "conf"), config_name=command)(task)()
+        with _composed_once():
+            hydra_main(version_base="1.3", config_path=str(root() / "conf"), config_name=command)(task)()
     finally:
         status = multirun.summary()
     for error in refused:
         raise error
     return status
+
+
+@contextmanager
+def _composed_once() -> Iterator[None]:
+    """Keep Hydra from composing all settings a time more, 0.3 s, to see `hydra.mode`: only arguments set it."""
+    its: Any = Hydra.get_mode
+    if not any("hydra.mode" in word for word in sys.argv[1:]):
+        Hydra.get_mode = lambda *_, **__: None  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        Hydra.get_mode = its  # type: ignore[method-assign]
 
 
 def command_line() -> str:

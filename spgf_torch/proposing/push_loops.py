@@ -45,7 +45,10 @@ def pieces_of(volume: HandVolume) -> Pieces:
     each = [piece.double().cpu().numpy() for piece in volume.planes]
     for planes in each:
         size = np.abs(planes[:, :3]).sum(axis=1) * (CELL / 2 + 2 * ROOM)
-        cells |= (middles @ planes[:, :3].T <= planes[:, 3] + size).all(axis=1)
+        within = np.flatnonzero(~cells)
+        for normal, most in zip(planes[:, :3], planes[:, 3] + size, strict=True):  # each leaves the next one fewer
+            within = within[middles[within] @ normal <= most]
+        cells[within] = True
     return bounds, np.concatenate(each), np.cumsum([len(planes) for planes in each]), np.pad(cells.reshape(shape), 1)
 
 

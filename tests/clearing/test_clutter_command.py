@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from clearing_cases import config
-from commands import ROOT, call
+from commands import ROOT, here
 
 from spgf_torch.clutter import run
 from spgf_torch.errors import InputError
@@ -75,6 +75,6 @@ def test_what_cannot_be_used_is_told_before_anything_is_begun(changes, told, obj
 
 
 def test_a_wrong_call_is_one_line_with_status_2(tmp_path):
-    done = call("clutter", "method=best", cwd=tmp_path)
+    done = here("clutter", "method=best", cwd=tmp_path)
     told = "clutter: method: expected one of ours, random, antipodal, contact_graspnet; got best\n"
     assert (done.returncode, done.stderr) == (2, told) and not any(tmp_path.glob("outputs/clutter/*"))

@@ -17,15 +17,14 @@ import re
 import shlex
 import shutil
 import socket
-import sys
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, redirect_stderr, redirect_stdout
+from contextlib import AbstractContextManager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from hydra.core.singleton import Singleton
+from commands import not_imported, process_kept
 
 from spgf_torch.__main__ import main
 
@@ -138,41 +137,15 @@ def command_lines(text: str) -> Iterator[list[str]]:
 def spgf(words: Sequence[str]) -> str:
     """What the command prints, run in this process, which it leaves as it was."""
     expected = next((int(word.removeprefix("status=")) for word in words if word.startswith("status=")), 0)
-    arguments, status = [word for word in words if not word.startswith("status=")], 0
-    with process_kept() as out, not_imported(f"spgf_torch.{arguments[0]}"):
+    arguments, status, out = [word for word in words if not word.startswith("status=")], 0, StringIO()
+    module = f"spgf_torch.{arguments[0]}"
+    with process_kept(), not_imported(module), redirect_stdout(out), redirect_stderr(out):
         try:
             status = main(arguments)
         except SystemExit as left:
             status = left.code if isinstance(left.code, int) else 0
     assert status == expected, f"spgf {shlex.join(arguments)}: status {status}\n{out.getvalue()}"
     return out.getvalue()
-
-
-@contextmanager
-def not_imported(module: str) -> Iterator[None]:
-    """As in a new process, which runs the module without another having imported it; `runpy` warns otherwise."""
-    known = sys.modules.pop(module, None)
-    try:
-        yield
-    finally:
-        if known is not None:
-            sys.modules[module] = known
-
-
-@contextmanager
-def process_kept() -> Iterator[StringIO]:
-    """Arguments, environment and Hydra's state are put back; what is said goes to what is yielded."""
-    out, words, variables = StringIO(), sys.argv, dict(os.environ)
-    known = Singleton.get_state()["instances"].copy()
-    try:
-        with redirect_stdout(out), redirect_stderr(out):
-            yield out
-    finally:
-        sys.argv = words
-        os.environ.clear()
-        os.environ.update(variables)
-        Singleton.get_state()["instances"].clear()
-        Singleton.get_state()["instances"].update(known)
 
 
 def listed(*folders: str) -> str:

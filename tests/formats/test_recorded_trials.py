@@ -126,7 +126,8 @@ def test_a_bad_value_is_named_by_row_and_column(change: dict[str, Any], words: s
     [
         (
             "a,b\n1,2\n",
-            "expected a table of recorded trials with the columns object, success, type (NPG, WPG), x, y, z, qw",
+            "expected a table of recorded trials with the columns object, success, x, y, z, qw, qx, qy, qz "
+            "(or t00 to t23); got none of them",
         ),
         ("object,success,type,x,y,z,qw,qx,qy,qz\n", "expected a table of recorded trials, got no row"),
         ("object,x,X,success\n", "expected each column once, got x twice"),

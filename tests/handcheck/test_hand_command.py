@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from commands import ROOT, call
+from commands import ROOT, here
 from composing import config_of
 from omegaconf import OmegaConf
 from PIL import Image
@@ -77,7 +77,7 @@ def test_a_bare_urdf_is_described_drawn_and_checked(place: Path, capsys: pytest.
 
 def test_a_wrong_hand_leaves_its_picture_one_line_and_status_2(place: Path) -> None:
     write(place, Wrong("", "panda", "", change=each("pads", {**PADS, "left": [0, 0.004, 0.045]})))
-    done = call("hand", "hand=hand.yaml", "page=false", cwd=place)
+    done = here("hand", "hand=hand.yaml", "page=false", cwd=place)
     assert done.returncode == 2 and "Traceback" not in done.stderr
     *_, line = done.stderr.strip().splitlines()
     assert line.startswith(

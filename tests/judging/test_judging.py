@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from commands import call
+from commands import here
 from composing import composed
 from sklearn.metrics import roc_auc_score
 
@@ -45,7 +45,7 @@ OBJECTS = ("soap_bar", "egg", "box_tea", "tumbler")
 TINY = [
     "folds=2",
     "fold_judges=true",
-    "candidates=12",
+    "candidates=8",
     "rounds=1",
     "best=3",
     "random=2",
@@ -87,7 +87,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "objects").mkdir()
     for name in OBJECTS:
         shutil.copy(ROOT / f"data/objects/{name}.yaml", folder / "objects")
-    done = call("judge", "objects=objects", *TINY, cwd=folder)
+    done = here("judge", "objects=objects", *TINY, cwd=folder)
     assert done.returncode == 0, done.stderr
     (folder / "stdout.txt").write_text(done.stdout)
     return folder

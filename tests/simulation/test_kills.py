@@ -5,17 +5,32 @@ import os
 import pickle
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
 
 from spgf_torch.hands.hand import Hand
 
 HERE = Path(__file__).parent
+MEMORY = Path("/dev/shm")
 
 
-def test_thirty_kills(hand: Hand, tmp_path: Path) -> None:
-    (tmp_path / "hand.pkl").write_bytes(pickle.dumps(hand))
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Path]:
+    """In memory where there is such a place: a killed process loses nothing there that it would keep on a disk."""
+    if not os.access(MEMORY, os.W_OK):
+        yield tmp_path
+        return
+    with TemporaryDirectory(dir=MEMORY) as made:
+        yield Path(made)
+
+
+def test_thirty_kills(hand: Hand, folder: Path) -> None:
+    (folder / "hand.pkl").write_bytes(pickle.dumps(hand))
     done = subprocess.run(
-        [sys.executable, str(HERE / "killing.py"), str(tmp_path), "30", "0", str(tmp_path / "hand.pkl")],
+        [sys.executable, str(HERE / "killing.py"), str(folder), "30", "0", str(folder / "hand.pkl")],
         env={**os.environ, "PYTHONPATH": str(HERE.parents[1]), "OMP_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
