@@ -166,6 +166,9 @@ def _tell(
         show(doubts)
     if left:
         show(left)
+    for note in scene.notes:
+        if note.startswith("warning: "):  # once more, where it is seen: a long table has followed the first time
+            show(note)
     for target in scene.targets if len(scene.targets) > 1 else ():
         show(f"target {target}: {sum(grasp.target == target for grasp in grasps)} grasps")
 

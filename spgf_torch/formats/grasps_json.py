@@ -24,6 +24,7 @@ def grasps_dict(
     grippers: Mapping[str, Gripper],
     judge: Mapping[str, Any] | None = None,
     model: Mapping[str, Any] | None = None,
+    notes: Sequence[str] | None = None,
 ) -> dict[str, Any]:
     """What `grasps.json` holds, as plain values.
 
@@ -34,6 +35,7 @@ def grasps_dict(
         grasps: best first.
         judge: who ranked and what was known, under the key "judge"; None: the votes ranked.
         model: whose grasps they are, under the key "model"; None: nothing is said.
+        notes: what was assumed of the scene, left out or looks wrong, under the key "notes"; None: it is not known.
 
     Raises:
         InputError: a grasp of a type that is none of the grippers'.
@@ -43,6 +45,7 @@ def grasps_dict(
     head: dict[str, Any] = {"schema": SCHEMA, "frame": "input"}
     head |= {"base_link": next(iter(grippers.values())).base_link}
     head |= {key: dict(said) for key, said in (("model", model), ("judge", judge)) if said is not None}
+    head |= {} if notes is None else {"notes": list(notes)}
     return {**head, "grasps": [grasp.to_dict() for grasp in grasps]}
 
 
@@ -52,9 +55,10 @@ def write_grasps(
     grippers: Mapping[str, Gripper],
     judge: Mapping[str, Any] | None = None,
     model: Mapping[str, Any] | None = None,
+    notes: Sequence[str] | None = None,
 ) -> None:
     """Write `grasps_dict`, a grasp a line: numbers in full, the file atomically."""
-    values = grasps_dict(grasps, grippers, judge, model)
+    values = grasps_dict(grasps, grippers, judge, model, notes)
     lines = [json.dumps(grasp, allow_nan=False) for grasp in values["grasps"]]
     opened = json.dumps({**values, "grasps": []}).removesuffix("]}")
     write_text(path, opened + "".join(f"\n{line}," for line in lines).removesuffix(",") + "\n]}\n")

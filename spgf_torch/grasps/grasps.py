@@ -130,7 +130,12 @@ class Grasps(Sequence[Grasp]):
         """What `grasps.json` holds, as plain values; its frame `input` is the one that the grasps are in."""
         from spgf_torch.formats.grasps_json import grasps_dict
 
-        return grasps_dict(self.grasps, self.grippers, self.judge_said(), self.model)
+        return grasps_dict(self.grasps, self.grippers, self.judge_said(), self.model, self.notes)
+
+    @property
+    def notes(self) -> tuple[str, ...] | None:
+        """What was assumed of the scene, left out or looks wrong, a line each; None: without their scene."""
+        return None if self.source is None else self.source.scene.notes
 
     def judge_said(self) -> dict[str, Any] | None:
         """`judge`, and whether none of these grasps is sure."""

@@ -61,7 +61,7 @@ def _json(grasps: Grasps, folder: Path) -> list[Path]:
     from spgf_torch.formats.grasps_json import write_grasps
 
     path = folder / "grasps.json"
-    write_grasps(path, grasps, grasps.grippers, grasps.judge_said(), grasps.model)
+    write_grasps(path, grasps, grasps.grippers, grasps.judge_said(), grasps.model, grasps.notes)
     return [path]
 
 

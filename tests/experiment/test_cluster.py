@@ -67,10 +67,10 @@ def test_workers_make_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_two_workers_of_dask(tmp_path: Path) -> None:
-    """In threads of this process: others take seconds to start."""
+    """In threads of this process: others take seconds to start. Any free port: None would still be 8787."""
     from distributed import LocalCluster
 
-    settings: dict[str, Any] = {"dashboard_address": None, "local_directory": str(tmp_path)}
+    settings: dict[str, Any] = {"dashboard_address": ":0", "local_directory": str(tmp_path)}
     local = LocalCluster(n_workers=2, threads_per_worker=1, processes=False, **settings)
     made = experiment(world(cells=4), inner_grasps=25, final_model=True)
     with local, cluster_of(local.scheduler_address) as cluster:
