@@ -12,6 +12,8 @@ _SEEN = 0.95
 _IN_VIEW, _NEARLY = 0.5, 0.99
 # Times the median edge: longer faces join what is apart in depth, along the rays, and say nothing of the camera.
 _STRETCHED = 4.0
+# Of the area of the faces about a corner, that of their sum where they lie in one plane.
+_FLAT = 0.99
 _DIRECTIONS = 256
 # Extents of the surface to a camera of which only the direction is known.
 _AWAY = 3.0
@@ -27,6 +29,9 @@ def seen_from(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
         vertices: (V, 3), any unit. faces: (F, 3), turned one way throughout.
     """
     vertices, faces = _joined(vertices, faces)
+    if not len(faces) or (not _open(faces) and _is_corner(vertices, faces)):
+        return None
+    faces = _measured(vertices, faces)
     if len(faces) < 2 or not _open(faces):
         return None
     corners = vertices[faces]
@@ -62,12 +67,29 @@ def seen_from(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
 
 
 def _joined(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices in one place as one, and the faces that have three corners still; none at 0 0 0, which is no reading."""
+    """Vertices in one place as one, and the faces that have three corners still, finite ones."""
     found, home = np.unique(vertices, axis=0, return_inverse=True)
     faces = home.reshape(-1)[faces]
     whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    measured = np.isfinite(found).all(axis=1) & (found != 0).any(axis=1)
-    return found, faces[whole & measured[faces].all(axis=1)]
+    return found, faces[whole & np.isfinite(found).all(axis=1)[faces].all(axis=1)]
+
+
+def _is_corner(vertices: np.ndarray, faces: np.ndarray) -> bool:
+    """Whether 0 0 0 is a corner of a closed thing, such as the middle of its base; else what has no reading lies there.
+
+    Those are joined to measured ones by faces all around the view, along rays that are long beside the pixels.
+    """
+    corners = vertices[faces[(vertices[faces] == 0).all(axis=2).any(axis=1)]]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat = float(np.linalg.norm(area.sum(axis=0))) >= _FLAT * float(np.linalg.norm(area, axis=1).sum())
+    edges = np.linalg.norm(vertices[faces] - np.roll(vertices[faces], 1, axis=1), axis=2)
+    out = np.linalg.norm(corners, axis=2)
+    return flat or bool(out[out > 0].min(initial=np.inf) <= _STRETCHED * np.median(edges))
+
+
+def _measured(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """The faces without a corner at 0 0 0, which is no reading of a camera."""
+    return faces[(vertices != 0).any(axis=1)[faces].all(axis=1)]
 
 
 def _open(faces: np.ndarray) -> bool:

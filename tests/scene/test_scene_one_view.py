@@ -67,3 +67,37 @@ def soup() -> trimesh.Trimesh:
 )
 def test_things_from_all_sides(mesh: trimesh.Trimesh) -> None:
     assert seen_from(np.asarray(mesh.vertices), np.asarray(mesh.faces)) is None
+
+
+def bottle(rings: int) -> trimesh.Trimesh:
+    """Turned about z, its base about the origin; walls and neck in so many rings."""
+    z = np.linspace(0, 0.21, rings)
+    radius = np.where(z < 0.15, 0.03, 0.012)
+    return trimesh.creation.revolve(np.column_stack([[0, *radius, 0], [0, *z, 0.21]]))
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        bottle(3),
+        bottle(60),
+        trimesh.creation.box(bounds=[[0, 0, 0], [0.1, 0.06, 0.08]]),
+        trimesh.creation.cone(0.04, 0.1),
+    ],
+    ids=["bottle", "bottle of many rings", "box from its corner", "cone"],
+)
+def test_a_closed_mesh_with_a_corner_at_the_origin_is_none(mesh: trimesh.Trimesh) -> None:
+    assert mesh.is_watertight and (mesh.vertices == 0).all(axis=1).any()
+    assert seen_from(np.asarray(mesh.vertices), np.asarray(mesh.faces)) is None
+
+
+def test_pixels_without_a_reading_that_close_a_cameras_mesh_are_no_corner() -> None:
+    """A ball alone in the image: all else is 0 0 0, and the faces to there make the surface a closed one."""
+    camera = Camera(intrinsics(SENSING), look_at(np.array([0.3, 0, 0.2]), np.zeros(3)), SENSING.width, SENSING.height)
+    depth = cast(trimesh.creation.icosphere(3, 0.05), camera)[0]
+    points = (camera.rays() * np.nan_to_num(depth)[..., None]).reshape(-1, 3)
+    number = np.arange(depth.size).reshape(depth.shape)
+    a, b, c, d = (each.ravel() for each in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
+    faces = np.concatenate([np.column_stack([a, c, b]), np.column_stack([b, c, d])])
+    found = seen_from(points, faces)
+    assert found is not None and not found.any()

@@ -24,7 +24,7 @@ function move() {
   const at = Number(slider.value) / 1000, grasp = content.grasps[chosen], hand = grasp && content.hands[grasp.type];
   if (!grasp) return;
   const back = Math.max(0, 1 - at / ARRIVED) * grasp.back, share = Math.max(0, (at - ARRIVED) / (1 - ARRIVED)), touch = stage?.touch(chosen) ?? 1;
-  const touched = touch < 1 && share > touch ? ", past the first touch" : touch < 1 && Math.abs(share - touch) < 0.004 && share > 0 ? ", a finger touches" : "";
+  const met = touch < 1 && share > 0, touched = met && Math.abs(share - touch) < 0.004 ? ", a finger touches" : met && share > touch ? ", past the first touch" : "";
   const words = back > 0 ? `${Math.round(1000 * back)} mm before the grasp` : share === 0 ? "at the grasp, open" : `closed by ${Math.round(100 * share)} %${touched}`;
   told.textContent = words;
   slider.setAttribute("aria-valuetext", words);

@@ -160,8 +160,10 @@ function makeStage(content, canvas, gizmo) {
       if (!grasp) return fit(front);
       const [across, , approach] = [1, 0, 2].map((k) => new THREE.Vector3().setFromMatrixColumn(grasp.matrix, k));
       if (across.dot(front) < 0) across.negate();
-      // Across closing and approach, where nothing of the hand hides its fingers; a little from above and behind.
-      fit(across.multiplyScalar(2.2).addScaledVector(up, 0.6).addScaledVector(front, 0.5).addScaledVector(approach, -0.15), corners(true));
+      // Across closing and approach, where nothing of the hand hides its fingers; a little from above and behind. More from
+      // the front where that is from above or below, so that what stands is not seen from its top alone.
+      const upright = across.dot(up) ** 2;
+      fit(across.multiplyScalar(2.2 - 1.4 * upright).addScaledVector(up, 0.6 * (1 - upright)).addScaledVector(front, 0.5 + 0.5 * upright).addScaledVector(approach, -0.15), corners(true));
     },
     lookAsCamera(i = 0) { fit(new THREE.Vector3(...content.cameras[i].eye)); },
     paint(how) { clouds.forEach((cloud) => cloud.paint(how)); later(); },
