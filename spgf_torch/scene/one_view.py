@@ -77,7 +77,7 @@ def _joined(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
 def _is_corner(vertices: np.ndarray, faces: np.ndarray) -> bool:
     """Whether 0 0 0 is a corner of a closed thing, such as the middle of its base; else what has no reading lies there.
 
-    A camera joins such pixels to measured ones by faces all around the view, along rays that are long beside the pixels.
+    A camera joins such pixels to measured ones by faces all around the view, along rays, long beside the pixels.
     """
     corners = vertices[faces[(vertices[faces] == 0).all(axis=2).any(axis=1)]]
     area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
