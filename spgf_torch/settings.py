@@ -10,22 +10,21 @@ Lengths are metres, masses kilograms, times seconds; angles are degrees in setti
 from __future__ import annotations
 
 import dataclasses
-import json
-import marshal
 import re
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import Field, field, fields, is_dataclass
 from difflib import get_close_matches
-from functools import cache, lru_cache, partial
+from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar, get_origin, get_type_hints
+from typing import Any, TypeVar, get_origin
 
 from omegaconf import MISSING, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 from spgf_torch.errors import InputError
+from spgf_torch.exact_values import InexactError, built, filled, hints
 from spgf_torch.paths import root
 
 T = TypeVar("T")
@@ -86,7 +85,7 @@ def _given(kind: Any, values: Any, prefix: str) -> None:
     """InputError for the first required field of a dataclass that `values` lack, at any depth."""
     if is_dataclass(values):  # an instance: its fields are set
         return
-    types = get_type_hints(kind)
+    types = hints(kind)
     for entry in fields(kind):
         name, of = prefix + entry.name, types[entry.name]
         if is_dataclass(of):
@@ -98,18 +97,7 @@ def _given(kind: Any, values: Any, prefix: str) -> None:
 def settings(kind: type[T], **changes: Any) -> T:
     """Read the default settings of a sub-package from `conf/` without Hydra, with `changes` applied."""
     given = {key: _python(value) for key, value in changes.items()}
-    try:
-        named = json.dumps(given)
-    except TypeError:  # of values that are not plain
-        return typed(kind, {**_values(kind.DEFAULTS), **given})  # type: ignore[attr-defined]
-    made: T = deepcopy(_made(kind, named))  # type: ignore[arg-type]  # a class is hashable
-    return made
-
-
-@lru_cache(256)
-def _made(kind: Any, changes: str) -> Any:
-    """The same of changes as JSON; made once, since OmegaConf takes a tenth of a second for the settings of a scene."""
-    return typed(kind, {**_values(kind.DEFAULTS), **json.loads(changes)})
+    return typed(kind, {**_values(kind.DEFAULTS), **given})  # type: ignore[attr-defined]
 
 
 def typed(kind: type[T], values: Any) -> T:
@@ -119,34 +107,22 @@ def typed(kind: type[T], values: Any) -> T:
     `${...}`: Hydra has resolved the settings' own, and in a file read from elsewhere it would read the environment.
     """
     try:
-        key = marshal.dumps(values, 2)
-    except ValueError:  # not built of Python's own types
-        return _instance(kind, values)
-    made: T = deepcopy(_kept(kind, key))  # type: ignore[arg-type]  # a class is hashable
-    return made
-
-
-@lru_cache(64)
-def _kept(kind: Any, values: bytes) -> Any:
-    """An instance of marshalled values: a model's settings are read several times, each takes OmegaConf 0.05 s."""
-    return _instance(kind, marshal.loads(values))  # what `typed` itself wrote
-
-
-def _instance(kind: type[T], values: Any) -> T:
-    """`typed`, made anew."""
-    try:
         _check_literal(values, "")
         given = _named(_plain(values))
         _check_mappings(kind, given, "")
-        merged = OmegaConf.merge(_structured(kind), OmegaConf.create(given))  # type: ignore[arg-type]  # as above
-        _given(kind, given, "")
-        result = OmegaConf.to_object(merged)
+        try:
+            result = built(kind, filled(kind, given))
+            _given(kind, given, "")
+        except InexactError:
+            merged = OmegaConf.merge(_structured(kind), OmegaConf.create(given))  # type: ignore[arg-type]  # a class is hashable
+            _given(kind, given, "")
+            result = OmegaConf.to_object(merged)
     except MissingMandatoryValue as error:
         raise InputError(f"{error.full_key or error.key}: expected a value, got none") from None
     except OmegaConfBaseException as error:
         raise InputError(_one_line(error)) from None
     _check(result, "")
-    return result  # type: ignore[return-value]
+    return result  # type: ignore[no-any-return]
 
 
 @cache
@@ -158,23 +134,9 @@ def _structured(kind: Any) -> Any:
 def plain(config: Any) -> dict[str, Any]:
     """A settings dataclass as nested dicts and lists of plain Python values."""
     try:
-        key = type(config), marshal.dumps(dataclasses.asdict(config), 2)
-    except ValueError:  # not built of Python's own types
-        return _as_plain(config)
-    if key not in _PLAIN:
-        while len(_PLAIN) >= MOST_PLAIN:
-            _PLAIN.pop(next(iter(_PLAIN)), None)
-        _PLAIN[key] = _as_plain(config)
-    return deepcopy(_PLAIN[key])
-
-
-MOST_PLAIN = 64  # kept of those that were made plain: a hand's settings are asked for again and again, 0.05 s each
-_PLAIN: dict[tuple[type, bytes], dict[str, Any]] = {}
-
-
-def _as_plain(config: Any) -> dict[str, Any]:
-    """`plain`, made anew: OmegaConf checks each value, and makes a whole number one of float where that is its type."""
-    values: dict[str, Any] = _plain(OmegaConf.structured(config))
+        values = filled(type(config), config)
+    except InexactError:
+        values = _plain(OmegaConf.structured(config))
     return _named_only(config, values)
 
 
@@ -204,7 +166,7 @@ def _plain(values: Any) -> Any:
 
 def _check_mappings(kind: Any, values: Any, prefix: str) -> None:
     """InputError for a list where a dataclass has keys and values, at any depth: OmegaConf would not name it."""
-    types = get_type_hints(kind)
+    types = hints(kind)
     for entry in fields(kind):
         of, value = types[entry.name], values.get(entry.name) if isinstance(values, dict) else None
         if isinstance(value, list) and (get_origin(of) is dict or is_dataclass(of)):
