@@ -1,7 +1,7 @@
 """Plain values whose types are those that a dataclass declares: taken as they are, in a millisecond.
 
-OmegaConf takes a tenth of a second for the settings of a command, which makes a third of a test and of a command's
-start. What it would convert from another type, merge into a default, or refuse, is `InexactError` here: then it decides.
+OmegaConf takes a tenth of a second for the settings of a command. What it would convert from another type, merge into
+a default, or refuse, is `InexactError` here: then it decides.
 """
 
 from __future__ import annotations
