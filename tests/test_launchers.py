@@ -8,7 +8,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from commands import python
+from commands import here, python
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
@@ -68,7 +68,7 @@ def toy(tmp_path: Path) -> Path:
 
 def test_jobs_in_this_process(toy: Path) -> None:
     """An override after -m, two refused jobs among four: both are told, the others run, the summary has a line each."""
-    done = call("toy.py", "seed=1", "-m", "K=5,0,10,-1", cwd=toy)
+    done = here("toy.py", "seed=1", "-m", "K=5,0,10,-1", cwd=toy)
     assert done.returncode == 2
     assert [path.name.split("_", 2)[2] for path in runs(toy)] == ["0_K=5,seed=1", "2_K=10,seed=1"]
     assert done.stderr.splitlines() == [
@@ -121,7 +121,7 @@ def test_train_on_two_processes(tmp_path: Path) -> None:
     [("nowhere", ["hydra/launcher/nowhere", "spgf-torch[sweep]"]), ("slurm", ["slurm"])],
 )
 def test_a_launcher_that_is_not_there(launcher: str, words: list[str], toy: Path) -> None:
-    done = call("toy.py", "-m", "K=5", f"hydra/launcher={launcher}", cwd=toy)
+    done = here("toy.py", "-m", "K=5", f"hydra/launcher={launcher}", cwd=toy)
     assert done.returncode == 2
     told = [line for line in done.stderr.splitlines() if not line.startswith("jobs run elsewhere")]
     assert len(told) == 1 and all(word in told[0] for word in words)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from commands import in_turn, python
+from commands import here, python
 
 TOY = """
 import sys
@@ -61,8 +61,8 @@ NOT_EMPTY = [
 def test_a_folder_with_something_in_it_is_refused(folder: Path) -> None:
     """Before the settings are looked at, or anything is done."""
     before = tree(folder)
-    ended = in_turn(*(["toy.py", "K=5", *where] for where in NOT_EMPTY), cwd=folder)
-    for where, done in zip(NOT_EMPTY, ended, strict=True):
+    for where in NOT_EMPTY:
+        done = here("toy.py", "K=5", *where, cwd=folder)
         assert done.returncode == 2 and "Traceback" not in done.stderr, where
         assert "new or an empty folder for the run" in done.stderr, where
     assert {name: text for name, text in tree(folder).items() if not name.startswith("outputs")} == before
@@ -73,8 +73,8 @@ def test_only_what_this_call_made_is_removed(setting: str, folder: Path) -> None
     """An empty folder stays, a new one goes with those on the way to it, Hydra's own files with it."""
     before = tree(folder)
     places = (["empty"], ["new/a/b"], ["mine/new", "hydra.output_subdir=.hydra"], ["a (b), 'c'"])
-    given = [["toy.py", setting, f"hydra.run.dir={where}", *more] for where, *more in places]
-    for done in in_turn(*given, ["toy.py", setting], cwd=folder):
+    for given in (*([f"hydra.run.dir={where}", *more] for where, *more in places), []):
+        done = here("toy.py", setting, *given, cwd=folder)
         assert done.returncode == 2 and len(done.stderr.splitlines()) == 1, done.stderr
     assert tree(folder) == before
 
@@ -82,8 +82,8 @@ def test_only_what_this_call_made_is_removed(setting: str, folder: Path) -> None
 def test_a_folder_of_its_own_is_used(folder: Path) -> None:
     """And `latest` beside it, which is somebody else's, is not touched."""
     places = ("empty", "new/a", "mine/sub")
-    ended = in_turn(*(["toy.py", "K=5", f"hydra.run.dir={where}"] for where in places), cwd=folder)
-    for where, done in zip(places, ended, strict=True):
+    for where in places:
+        done = here("toy.py", "K=5", f"hydra.run.dir={where}", cwd=folder)
         assert done.returncode == 0 and done.stdout == f"in {folder / where}\n", done.stderr
         assert (folder / where / "results.txt").is_file() and "K: 5" in (folder / where / "config.yaml").read_text()
     assert (folder / "latest").read_text() == "mine" and not list(folder.rglob(".latest*"))
@@ -101,7 +101,7 @@ def test_latest_that_is_no_link_stays(kind: str, folder: Path) -> None:
         place.write_text("x")
     else:
         place.symlink_to("gone")
-    done = python("toy.py", "K=5", cwd=folder)
+    done = here("toy.py", "K=5", cwd=folder)
     runs = [path for path in place.parent.iterdir() if path.name != "latest"]
     assert done.returncode == 0 and len(runs) == 1 and (runs[0] / "results.txt").is_file()
     if kind == "link":
@@ -115,7 +115,7 @@ def test_brackets_in_the_working_folder_are_printed(folder: Path) -> None:
     place = folder / "x[" / "y] [bold]:smile:\x1b[31m"
     place.mkdir(parents=True)
     (place / "toy.py").write_text(TOY)
-    done = python("toy.py", "K=5", cwd=place)
+    done = here("toy.py", "K=5", cwd=place)
     assert done.returncode == 0 and done.stderr == ""
     assert "x[/y] [bold]:smile:\\x1b[31m/outputs" in done.stdout
 
@@ -127,5 +127,5 @@ def test_a_working_folder_that_cannot_be_used(folder: Path) -> None:
     done = python("-c", code, cwd=folder)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and "folder" in done.stderr, done.stderr
     (folder / "outputs").write_text("a file")
-    done = python("toy.py", "K=5", cwd=folder)
+    done = here("toy.py", "K=5", cwd=folder)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and "outputs" in done.stderr
