@@ -1,9 +1,9 @@
 """Rooms that need only torch load nothing heavy, so that a ROS node starts in a second; tables need no simulator."""
 
-import subprocess
-import sys
+import json
 from pathlib import Path
 
+import pytest
 import torch
 from commands import ROOT, in_turn, python
 
@@ -28,30 +28,26 @@ LIGHT = (
 )
 
 
-def loaded(modules: tuple[str, ...], heavy: tuple[str, ...]) -> list[str]:
-    """Which of the heavy packages the modules bring, imported one after the other in a fresh process."""
-    code = (
-        "import importlib, sys\n"
-        f"for name in {modules!r}:\n"
-        "    importlib.import_module('spgf_torch.' + name)\n"
-        f"    print(*[name + ' loads ' + m for m in {heavy!r} if m in sys.modules], sep='\\n')"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return done.stdout.split("\n")
-
-
-def test_torch_only_rooms_load_nothing_heavy() -> None:
-    assert not any(loaded(LIGHT, HEAVY))
-
-
+TABLES = ("simulation.table", "simulation.execute", "experiment.labelled_grasps")
 NOT_FOR_A_MODEL = ("sapien", "lightning", "hydra", "matplotlib", "h5py", "pyarrow", "plotly", "sklearn")
-LOAD = """
-import sys
-import spgf_torch
+IN_TURN = """
+import importlib, json, sys
 
+def loaded(heavy):
+    return [name for name in heavy if name in sys.modules]
+
+import spgf_torch
+found = {{"package": loaded({nothing!r})}}
+for name in {light!r}:
+    importlib.import_module("spgf_torch." + name)
+found["light"] = loaded({heavy!r})
 for folder in {folders!r}:
     spgf_torch.load(folder)
-print(*[m for m in {heavy!r} if m in sys.modules])
+found["models"] = loaded({not_for_a_model!r})
+for name in {tables!r}:
+    importlib.import_module("spgf_torch." + name)
+found["tables"] = loaded(["sapien"])
+print(json.dumps(found))
 """
 
 
@@ -66,15 +62,37 @@ def votes(folder: Path, K: int = 3) -> Path:
     return folder
 
 
-def test_models_are_loaded_without_what_only_learning_and_reports_need(tmp_path: Path) -> None:
-    judge = ROOT / "data/models/panda"
-    folders = [str(folder) for folder in (votes(tmp_path), judge) if folder != judge or judge.is_dir()]
-    done = python("-c", LOAD.format(folders=folders, heavy=NOT_FOR_A_MODEL), cwd=tmp_path)
-    assert done.stdout == "\n", (done.stdout, done.stderr)
+@pytest.fixture(scope="module")
+def loaded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """What was loaded that need not be, in a process that imports one thing after the other, what needs least first."""
+    folder, judge = votes(tmp_path_factory.mktemp("votes")), ROOT / "data/models/panda"
+    code = IN_TURN.format(
+        nothing=(*NOT_YET, "numpy"),
+        light=LIGHT,
+        heavy=HEAVY,
+        folders=[str(each) for each in (folder, judge) if each.is_dir()],
+        not_for_a_model=NOT_FOR_A_MODEL,
+        tables=TABLES,
+    )
+    done = python("-c", code, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
 
 
-def test_trial_tables_are_read_without_sapien() -> None:
-    assert not any(loaded(("simulation.table", "simulation.execute", "experiment.labelled_grasps"), ("sapien",)))
+def test_importing_the_package_loads_nothing(loaded: dict[str, list[str]]) -> None:
+    assert loaded["package"] == []
+
+
+def test_torch_only_rooms_load_nothing_heavy(loaded: dict[str, list[str]]) -> None:
+    assert loaded["light"] == []
+
+
+def test_models_are_loaded_without_what_only_learning_and_reports_need(loaded: dict[str, list[str]]) -> None:
+    assert loaded["models"] == []
+
+
+def test_trial_tables_are_read_without_sapien(loaded: dict[str, list[str]]) -> None:
+    assert loaded["tables"] == []
 
 
 NOT_YET = (
@@ -124,8 +142,3 @@ def test_what_is_not_there_is_told_before_anything_heavy_is_loaded(tmp_path: Pat
         assert (done.returncode, done.stdout, done.loaded) == (2, "", []), (line, done)
         assert len(done.stderr.splitlines()) == 1, (line, done)
         assert line[-1].partition("=")[2].strip("[]").split(",")[0].split(".")[0] in done.stderr, (line, done)
-
-
-def test_importing_the_package_loads_nothing() -> None:
-    code = f"import sys, spgf_torch; print(*[m for m in {(*NOT_YET, 'numpy')!r} if m in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "\n"
