@@ -43,6 +43,7 @@ from spgf_torch.simulation.worker import Trials
 ROOT = Path(__file__).parents[2]
 OBJECTS = ("soap_bar", "egg", "box_tea", "tumbler")
 TINY = [
+    "hand=panda",  # fewer parts than the SDH-2 has: half the physics
     "folds=2",
     "fold_judges=true",
     "candidates=8",
