@@ -2,12 +2,14 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
+import trimesh
 
 from spgf_torch.errors import InputError
-from spgf_torch.objects.library import load_objects
+from spgf_torch.objects.library import load_object
 from spgf_torch.paths import root
 from spgf_torch.scene.cloud import Cloud, pixels_of, voxel_means
 from spgf_torch.scene.config import SceneConfig
@@ -19,17 +21,19 @@ from spgf_torch.sensing.noise import measure
 from spgf_torch.settings import settings
 
 CONFIG, SENSING = settings(SceneConfig), settings(SensingConfig)
-OBJECTS = {obj.name: obj.mesh for obj in load_objects(root() / "data/objects")}
 EYE = np.array([0.35, -0.3, 0.45])
+
+
+@cache
+def mesh_of(name: str) -> trimesh.Trimesh:
+    return load_object(root() / f"data/objects/{name}.yaml").mesh
 
 
 def seen(name: str, eye: np.ndarray = EYE, table: bool = False, seed: int = 0) -> tuple[np.ndarray, np.ndarray, Camera]:
     """(H, W, 3) points of a noisy image of an object that stands at z = 0, NaN without return; its depth and camera."""
-    mesh = OBJECTS[name].copy()
+    mesh = mesh_of(name).copy()
     mesh.apply_translation([0, 0, -mesh.bounds[0, 2]])
     if table:
-        import trimesh
-
         board = trimesh.creation.box([0.5, 0.5, 0.02])
         board.apply_translation([0, 0, -0.01])
         mesh = trimesh.util.concatenate([mesh, board])
