@@ -53,7 +53,9 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess
     write_run(runs / "2026-01-01_00-00-00.500000_d", K=10, model=False, dataset="other")
     write_run(runs / "2026-01-01_00-00-03.000000_e", K=3, model=False)
     (runs / "2026-01-01_00-00-03.000000_e/results.json").unlink()
-    return folder / "outputs/report/latest", report(*SMALL, cwd=folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("spgf_torch.drawing.page.DPI", 100)  # pictures as in print would take most of the time
+        return folder / "outputs/report/latest", report(*SMALL, cwd=folder)
 
 
 def test_every_file_is_there_and_nothing_half_written(
