@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import fcl
 import numpy as np
@@ -78,14 +79,26 @@ def triangle_tree(meshes: Sequence[trimesh.Trimesh]) -> fcl.BVHModel:
 
 
 def surface_points(mesh: trimesh.Trimesh) -> np.ndarray:
-    """(P, 3) points that cover a mesh's surface at most about `SPACING` apart."""
-    longest = float(mesh.edges_unique_length.max())
-    if longest <= SPACING:
-        return np.asarray(mesh.triangles_center)
-    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, SPACING, max_iter=20)
-    centres = vertices[faces].mean(axis=1)
-    _, first = np.unique(np.floor(centres / SPACING).astype(np.int64), axis=0, return_index=True)
-    return np.asarray(centres[np.sort(first)])
+    """(P, 3) points that cover a mesh's surface at most about `SPACING` apart; not to be written to."""
+    vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)
+    return _surface_points(vertices.tobytes(), faces.tobytes())
+
+
+@lru_cache(256)
+def _surface_points(vertices: bytes, faces: bytes) -> np.ndarray:
+    """The same of the bytes of vertices and faces: a hand's meshes are the same with each of its settings."""
+    mesh = trimesh.Trimesh(
+        np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, np.int64).reshape(-1, 3), process=False
+    )
+    if float(mesh.edges_unique_length.max()) <= SPACING:
+        found = np.array(mesh.triangles_center)
+    else:
+        divided, corners = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, SPACING, max_iter=20)
+        centres = divided[corners].mean(axis=1)
+        _, first = np.unique(np.floor(centres / SPACING).astype(np.int64), axis=0, return_index=True)
+        found = centres[np.sort(first)]
+    found.setflags(write=False)
+    return found
 
 
 def distances(points: np.ndarray, shapes: Sequence[FingerShape], links: Mapping[str, np.ndarray]) -> np.ndarray:
