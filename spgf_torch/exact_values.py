@@ -72,8 +72,8 @@ def _merges(of: Any, value: Any) -> bool:
 
 
 def _value(of: Any, value: Any, below: Any) -> Any:
-    """A value of the declared type `of`, plain; `below` is the default beneath keys and values."""
-    of = _beside_none(of, value)
+    """A value of the declared type `of`, plain; `below` is the default beneath keys and values, if there is one."""
+    of, below = _beside_none(of, value), None if below == MISSING else below
     if of is NoneType:
         return None
     if is_dataclass(of):

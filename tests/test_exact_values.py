@@ -28,6 +28,7 @@ class Outer:
     sizes: list[float] = field(default_factory=lambda: [1, 2])
     named: dict[str, float] = field(default_factory=dict)
     parts: dict[str, Inner] = field(default_factory=dict)
+    needed: dict[str, Any] = field(default="???")  # type: ignore[assignment]  # OmegaConf's MISSING
 
 
 @dataclass
@@ -40,7 +41,7 @@ class Known:
 VALUES = [
     *(None, True, 3, -2, 2.5, 10**30, "x", "3", "", "???", [], [1], [1.5, 2], (1, 2), ["a"], [[1, 2.0]]),
     *({}, {"x": 2}, {"y": 2.5}, {"width": 1}, {"width": "wide"}, {"name": "c", "width": None}, {"a": {"width": 7}}),
-    *({"a": {"b": [1, {}]}}, {"a": "???"}, {1: 2}, Inner(4, "d"), Outer(1), object()),
+    *({"a": {"b": [1, {}]}}, {"a": "???"}, {1: 2}, Inner(4, "d"), Outer(1, needed={}), object()),
 ]
 
 
@@ -53,7 +54,7 @@ def test_what_is_taken_is_what_omegaconf_makes_of_it(name: str) -> None:
     """Of each type every value: equal to the last type within, and plain as OmegaConf has it; or refused here."""
     taken = []
     for value in VALUES:
-        given = {"count": 1, name: value}
+        given = {"count": 1, "needed": {}, name: value}
         try:
             values = filled(Outer, given)
         except InexactError:
@@ -76,7 +77,9 @@ def test_keys_that_merge_into_others_are_not_taken() -> None:
 
 
 def test_nothing_is_taken_that_omegaconf_refuses() -> None:
-    for given in ({}, {"count": 1, "other": 2}, {"count": 1, "inner": {"other": 2}}, {"count": "???"}, None, []):
+    least = {"count": 1, "needed": {}}
+    wrong = {"other": 2}, {"inner": {"other": 2}}, {"count": "???"}, {"needed": "???"}
+    for given in ({}, {"count": 1}, *(least | each for each in wrong), None, []):
         with pytest.raises((OmegaConfBaseException, ValueError)):
             by_omegaconf(Outer, given)
         with pytest.raises(InexactError):
@@ -84,8 +87,15 @@ def test_nothing_is_taken_that_omegaconf_refuses() -> None:
 
 
 def test_an_instance_shares_nothing_with_what_was_given() -> None:
-    given = {"count": 1, "sizes": [1.0], "named": {"a": 1.0}, "whatever": [{"b": []}], "inner": Inner()}
+    given = {"count": 1, "needed": {}, "sizes": [1.0], "named": {"a": 1.0}, "whatever": [{"b": []}], "inner": Inner()}
     made = built(Outer, filled(Outer, given))
     made.sizes.append(2.0), made.named.clear(), made.whatever[0]["b"].append(1)
     made.inner.name = "changed"
-    assert given == {"count": 1, "sizes": [1.0], "named": {"a": 1.0}, "whatever": [{"b": []}], "inner": Inner()}
+    assert given == {
+        "count": 1,
+        "needed": {},
+        "sizes": [1.0],
+        "named": {"a": 1.0},
+        "whatever": [{"b": []}],
+        "inner": Inner(),
+    }
