@@ -49,17 +49,18 @@ def taken(particles: Particles, which: torch.Tensor) -> Particles:
 def loop_condense(particles: Particles, kernel_mm: float, kernel_deg: float, min_support: float) -> dict:
     """The definition in float64: for every populated point, all particles of its id and type, weighted."""
     points = {}
-    position, quaternion = (t.double() for t in GRID.centres(particles.cell))
-    for i in range(len(particles.cell)):
-        key = (int(particles.prototype[i]), int(particles.grasp_type[i]), int(particles.cell[i]))
+    position, quaternion = (t.double().tolist() for t in GRID.centres(particles.cell))
+    keys = list(zip(*(getattr(particles, k).tolist() for k in ("prototype", "grasp_type", "cell")), strict=True))
+    for i, key in enumerate(keys):
         if key in points:
             continue
         success = support = 0.0
-        for j in range(len(particles.cell)):
-            if (int(particles.prototype[j]), int(particles.grasp_type[j])) != key[:2]:
+        for j, other in enumerate(keys):
+            if other[:2] != key[:2]:
                 continue
-            distance = float((position[i] - position[j]).norm())
-            angle = math.degrees(2 * math.acos(min(1.0, abs(float(quaternion[i] @ quaternion[j])))))
+            distance = math.dist(position[i], position[j])
+            cosine = abs(sum(a * b for a, b in zip(quaternion[i], quaternion[j], strict=True)))
+            angle = math.degrees(2 * math.acos(min(1.0, cosine)))
             if distance > 2 * kernel_mm + 1e-6 or angle > 2 * kernel_deg + 1e-4:
                 continue
             weight = math.exp(-0.5 * (distance / kernel_mm) ** 2) * math.exp(-0.5 * (angle / kernel_deg) ** 2)

@@ -27,17 +27,18 @@ def random_data(points: int = 200, dims: int = 7, clusters: int = 5, seed: int =
 
 def lloyd_step_loop(points: Tensor, centres: Tensor) -> tuple[list[int], Tensor, float]:
     """The obvious loops, in float64: ids, new centres, inertia of the old ones."""
-    points, centres = points.double(), centres.double()
+    rows, places = points.double().tolist(), centres.double().tolist()
     ids, least = [], []
-    for point in points:
-        distances = [float(sum((point - centre) ** 2)) for centre in centres]
+    for row in rows:
+        distances = [sum((a - b) ** 2 for a, b in zip(row, place, strict=True)) for place in places]
         ids.append(distances.index(min(distances)))
         least.append(min(distances))
-    moved, farthest = centres.clone(), sorted(range(len(points)), key=least.__getitem__)
-    for k in range(len(centres)):
-        members = [points[i] for i, home in enumerate(ids) if home == k]
-        moved[k] = sum(members) / len(members) if members else points[farthest.pop()]
-    return ids, moved, sum(least)
+    moved, farthest = [], sorted(range(len(rows)), key=least.__getitem__)
+    for k in range(len(places)):
+        members = [rows[i] for i, home in enumerate(ids) if home == k]
+        middle = [sum(axis) / len(members) for axis in zip(*members, strict=True)]
+        moved.append(middle if members else rows[farthest.pop()])
+    return ids, torch.tensor(moved, dtype=torch.float64), sum(least)
 
 
 def lloyd_step(points: Tensor, centres: Tensor) -> Tensor:
