@@ -31,10 +31,10 @@ def slow(views: list[DepthView], least_z: float) -> set[tuple[int, ...]]:
     low, high = POINTS.amin(0) - CONFIG.unseen_depth, POINTS.amax(0) + CONFIG.unseen_depth
     shape = [len(torch.arange(float(a), float(b), 0.01)) for a, b in zip(low, high, strict=True)]
     kinds = np.zeros(shape, dtype=int)  # 0 free or unknown, 1 solid, 2 hidden
-    for i, j, k in np.ndindex(*shape):
-        place = low + 0.01 * (torch.tensor([i, j, k]) + 0.5)
-        behind = min(float(v.behind(place)) for v in views)
-        below = float(place[2]) <= least_z + 0.01
+    places = low + 0.01 * (torch.tensor(list(np.ndindex(*shape))) + 0.5)
+    least = torch.stack([v.behind(places) for v in views]).amin(0).tolist()
+    for (i, j, k), behind, z in zip(np.ndindex(*shape), least, places[:, 2].tolist(), strict=True):
+        below = z <= least_z + 0.01
         kinds[i, j, k] = 1 if below or 0 < behind <= 0.06 else 0
         if kinds[i, j, k] and not below and behind > 0.01:
             kinds[i, j, k] = 2
