@@ -4,6 +4,7 @@ import json
 import runpy
 import shutil
 from collections.abc import Callable
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
@@ -342,34 +343,35 @@ def test_evaluate_executes_the_best_grasps(small: Path, scanned: Path) -> None:
     executed(small / "outputs/evaluate/latest")
 
 
-def test_evaluate_executes_candidates_of_the_mesh(small: Path, scanned: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(small)
-    Path("sampled").mkdir()
-    command = [f"objects={scanned}", "random_trials=5", "N=3", "bootstrap=100", "workers=1"]
-    config = composed("evaluate", *command, "candidates=sampled", "samples=60")
-    evaluate(typed(EvaluateConfig, config), Path("sampled"))
-    executed(Path("sampled"))
+def sampled(small: Path, scanned: Path, name: str, *more: str) -> Path:
+    """The run of `evaluate`, in this process, on candidates of the mesh."""
+    few = ["random_trials=5", "N=3", "bootstrap=100", "candidates=sampled", "samples=60"]
+    with chdir(small):
+        Path(name).mkdir()
+        evaluate(typed(EvaluateConfig, composed("evaluate", f"objects={scanned}", *few, *more)), Path(name))
+    return small / name
 
 
-def test_evaluate_asks_a_second_engine(small: Path, scanned: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module")
+def alone(small: Path, scanned: Path) -> Path:
+    """With one worker and SAPIEN."""
+    return sampled(small, scanned, "engine_alone", "workers=1")
+
+
+def test_evaluate_executes_candidates_of_the_mesh(alone: Path) -> None:
+    executed(alone)
+
+
+def test_evaluate_asks_a_second_engine(small: Path, scanned: Path, alone: Path) -> None:
     """The same bytes with one worker and two; what SAPIEN finds is what it finds alone; each file tells of both."""
     pytest.importorskip("mujoco")
-    monkeypatch.chdir(small)
-    command = [f"objects={scanned}", "random_trials=4", "N=3", "bootstrap=100", "candidates=sampled", "samples=60"]
-    found = {}
-    for name, more in {
-        "engines_alone": ["workers=1"],
-        "engines_both": ["engine=both", "workers=1"],
-        "engines_again": ["engine=both", "workers=2"],
-    }.items():
-        Path(name).mkdir()
-        evaluate(typed(EvaluateConfig, composed("evaluate", *command, *more)), Path(name))
-        found[name] = json.loads((Path(name) / "results.json").read_text())
-    alone, one, two = found.values()
-    assert one["engines"] == two["engines"] and one["success_rate"] == alone["success_rate"] and "engines" not in alone
-    assert one["engines"]["sapien"]["success_rate"] == alone["success_rate"]
-    assert (small / "engines_both/engines.csv").read_bytes() == (small / "engines_again/engines.csv").read_bytes()
-    assert (small / "engines_both/index.html").read_text() == (small / "engines_again/index.html").read_text()
+    both = sampled(small, scanned, "engines_both", "engine=both", "workers=1")
+    again = sampled(small, scanned, "engines_again", "engine=both", "workers=2")
+    first, one, two = (json.loads((run / "results.json").read_text()) for run in (alone, both, again))
+    assert one["engines"] == two["engines"] and one["success_rate"] == first["success_rate"] and "engines" not in first
+    assert one["engines"]["sapien"]["success_rate"] == first["success_rate"]
+    assert (both / "engines.csv").read_bytes() == (again / "engines.csv").read_bytes()
+    assert (both / "index.html").read_text() == (again / "index.html").read_text()
     assert one["engines"]["agreement"]["best"]["grasps"] == 3
 
 
