@@ -52,8 +52,9 @@ def read_scene(config: SceneConfig, sensing: SensingConfig, generator: np.random
         raise InputError("input: expected a point cloud, depth image or mesh (input=FILE), got none")
     paths = files_of("input", config.input)
     if any(is_depth(path, config) for path in paths):
+        views = read_views(paths, config)  # first: what is no depth image is told by its name
         _unused(config, "viewpoints", "point clouds")
-        return scene_of_views(read_views(paths, config), config, sensing, generator)
+        return scene_of_views(views, config, sensing, generator)
     for key in ("poses", "stride", "depth_scale"):
         _unused(config, key, "depth images, which need intrinsics")
     meshes = [path for path in paths if is_mesh(path, config)]

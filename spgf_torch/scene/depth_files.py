@@ -95,7 +95,8 @@ def read_depth_file(path: Path, limit: int) -> DepthFile:
         return _of_pixels(path, image_pixels(path, limit, (kind or {".png": "PNG"}.get(suffix, "TIFF"),)))
     if suffix not in _SUFFIXES:
         raise InputError(
-            f"{path}: expected a depth image ({', '.join(_SUFFIXES)}), since intrinsics are given; got {suffix}"
+            f"{path}: expected a depth image ({', '.join(_SUFFIXES)}), since intrinsics are given; got "
+            f"{suffix or 'no suffix'} (a cloud or a mesh? then leave intrinsics out)"
         )
     if suffix == ".npz":
         return _of_npz(path, limit)

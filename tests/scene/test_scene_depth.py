@@ -351,3 +351,11 @@ def test_settings_that_do_not_fit(
     with pytest.raises(InputError, match=message) as caught:
         read(save(tmp_path, images, **there))
     assert "\n" not in str(caught.value)
+
+
+def test_a_cloud_with_intrinsics_is_told_not_its_viewpoint(tmp_path: Path) -> None:
+    cloud = tmp_path / "cloud.ply"
+    cloud.write_text("ply\n")
+    config = settings(SceneConfig, input=str(cloud), intrinsics=[100, 100, 50, 40], viewpoints=[[0, 0, 0]])
+    with pytest.raises(InputError, match="cloud.ply: expected a depth image .* got .ply .*leave intrinsics out"):
+        read(config)
