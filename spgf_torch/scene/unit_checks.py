@@ -50,7 +50,6 @@ _TABLE = 0.3
 _WIDE = 0.06
 # Points of what stands on the plane of a cloud: fewer are too sparse to tell its size.
 _MANY = 300
-_MILLIMETRE = 0.001  # m; what a count is where nothing says it
 # Counts a metre that cameras and data sets write.
 _COUNTS = {1000: "millimetres", 5000: "TUM RGB-D", 4000: "RealSense L515", 10000: "D405, YCB-Video", 100: "centimetres"}
 
@@ -140,7 +139,7 @@ def size_notes(targets: Sequence[Cloud], views: Sequence[View] | None, config: S
         remedy = f"another unit? (unit={config.unit})"
     else:
         what = f"a median depth of {median:.3g} m" + (f" with {what}" if thing is not None else "")
-        remedy = _scales(median, thing, config)
+        remedy = _scales(median, thing, views or (), config)
     return [*lines, f"warning: {what} is unusual for grasping; {remedy}"]
 
 
@@ -148,21 +147,26 @@ def unusual_depth(views: Sequence[View], config: SceneConfig) -> str:
     """What to try where depth images are refused for something else, but are unusually near or far; "" where not."""
     median = _median(views)
     usual = _usual(median, None)
-    return "" if usual else f"a median depth of {median:.3g} m is unusual: {_scales(median, None, config)}"
+    return "" if usual else f"a median depth of {median:.3g} m is unusual: {_scales(median, None, views, config)}"
 
 
 def _median(views: Sequence[View]) -> float:
     return float(np.median(np.concatenate([v.depth[np.isfinite(v.depth) & (v.depth > 0)] for v in views])))
 
 
-def _scales(median: float, thing: float | None, config: SceneConfig) -> str:
+def _scales(median: float, thing: float | None, views: Sequence[View], config: SceneConfig) -> str:
     """The scales of counts that make a median depth, and the size of things, m, usual."""
-    counts = 1 / (config.depth_scale or _MILLIMETRE)  # as many were taken for a metre
-    fitting = [
-        f"{1 / n:g} ({words})"
-        for n, words in _COUNTS.items()
-        if n != round(counts) and _usual(median * counts / n, None if thing is None else thing * counts / n)
-    ]
+    taken = {view.scale for view in views}
+    if taken == {None}:
+        return f"another unit? (unit={config.unit}), or made of counts of another scale?"
+    fitting = []
+    if len(taken) == 1:
+        counts = 1 / next(scale for scale in taken if scale)  # as many were taken for a metre
+        fitting = [
+            f"{1 / n:g} ({words})"
+            for n, words in _COUNTS.items()
+            if n != round(counts) and _usual(median * counts / n, None if thing is None else thing * counts / n)
+        ]
     return f"depth_scale={' or '.join(fitting)} would make it usual" if fitting else "another depth_scale or unit?"
 
 

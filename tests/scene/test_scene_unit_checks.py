@@ -32,8 +32,8 @@ def ideal() -> tuple[np.ndarray, np.ndarray]:
     return cast(trimesh.util.concatenate([box, ball, table]), CAMERA)
 
 
-def view(depth: np.ndarray) -> View:
-    return View(depth, CAMERA, None, "depth.npy")
+def view(depth: np.ndarray, scale: float | None = 0.001) -> View:
+    return View(depth, CAMERA, None, "depth.npy", scale=scale)
 
 
 @pytest.mark.parametrize("kind", ["clean", "rounded", "kinect"])
@@ -102,11 +102,13 @@ def test_a_depth_scale_that_was_stated_is_what_others_are_told_against(
 ) -> None:
     """Millimetres that were read as something else: the scale that is right is offered, not one ten times off."""
     depth = factor * ideal[0]
-    points, config = pixel_points(depth, CAMERA)[depth > 0], settings(SceneConfig, depth_scale=stated)
+    points, config = pixel_points(depth, CAMERA)[depth > 0], settings(SceneConfig)
     chosen = points[points[:, 2] - EYE[2] * (1 - factor) > 0.008 * factor]
-    lines = size_notes([Cloud(chosen - EYE)], [view(depth)], config, True)
+    lines = size_notes([Cloud(chosen - EYE)], [view(depth, stated)], config, True)
     (line,) = [note for note in lines if "depth_scale" in note]
     assert remedy in line and f"{stated:g} (" not in line
+    (line,) = [note for note in size_notes([Cloud(chosen - EYE)], [view(depth, None)], config, True) if "warn" in note]
+    assert "depth_scale" not in line and "unit=m" in line  # of lengths, which no depth_scale is taken with
 
 
 @pytest.mark.parametrize(("factor", "odd"), [(1, False), (10, True), (100, True), (0.1, True)])
