@@ -10,7 +10,6 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from spgf_torch import __version__
 from spgf_torch.cli.batch import run_each
 from spgf_torch.cli.command import command_line, run_command
 from spgf_torch.errors import InputError
@@ -58,20 +57,12 @@ def _doubts(grasps: Sequence[Grasp], predictor: Predictor, scene: Scene) -> str 
     return f"nothing sure: the best holds with a probability of {best:.0%}, less than {sure:.0%}"
 
 
-def _head(config: PredictConfig, predictor: Predictor, votes: Path | None, judge: Path | None) -> list[tuple[str, str]]:
+def _head(config: PredictConfig, predictor: Predictor) -> list[tuple[str, str]]:
     """What a page says of itself: file, model, date, version, command."""
-    from spgf_torch.drawing.grasp_beside import model_words
+    from spgf_torch.grasps.page import head_of
 
     files = config.input if isinstance(config.input, list) else [config.input]
-    folders = dict.fromkeys(folder for folder in (votes, judge) if folder is not None)
-    head = {
-        "file": ", ".join(Path(str(file)).name for file in files),
-        "model": ", judge ".join(map(model_words, folders)),
-        "date": time.strftime("%Y-%m-%d %H:%M"),
-        "version": f"spgf_torch {__version__}",
-        "command": command_line(),
-    }
-    return [(name, words) for name, words in head.items() if words]
+    return head_of(predictor, ", ".join(Path(str(file)).name for file in files), command_line())
 
 
 def _files(folder: Path, anything: bool) -> str:
@@ -145,7 +136,7 @@ def _predict(config: PredictConfig, folder: Path, loaded: Callable[[], Predictor
 
     doubts = _doubts(grasps, predictor, scene)
     save(grasps, folder)
-    told = _head(config, predictor, votes, judge), ranking, [doubts] if doubts else ()
+    told = _head(config, predictor), ranking, [doubts] if doubts else ()
     write_page(grasps, folder, *told)
     _tell(grasps, predictor, scene, config.N, (doubts, left_out(grasps)))
     counted = by_type(grasps, predictor.grippers)
