@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from spgf_torch import __version__
 from spgf_torch.cli.batch import run_each
 from spgf_torch.cli.command import command_line, run_command
 from spgf_torch.errors import InputError
@@ -62,7 +63,8 @@ def _head(config: PredictConfig, predictor: Predictor) -> list[tuple[str, str]]:
     from spgf_torch.grasps.page import head_of
 
     files = config.input if isinstance(config.input, list) else [config.input]
-    return head_of(predictor, ", ".join(Path(str(file)).name for file in files), command_line())
+    names = ", ".join(Path(str(file)).name for file in files)
+    return head_of(predictor, names, version=f"spgf_torch {__version__}", command=command_line())
 
 
 def _files(folder: Path, anything: bool) -> str:

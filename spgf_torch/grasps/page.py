@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spgf_torch import __version__
 from spgf_torch.drawing.grasp_beside import beside_of, model_words
 from spgf_torch.drawing.grasp_page import write_scene_page
 from spgf_torch.drawing.grasp_scene import Told
@@ -19,15 +18,14 @@ if TYPE_CHECKING:
     from spgf_torch.predictor import Predictor
 
 
-def head_of(model: Predictor, file: str = "", command: str = "") -> list[tuple[str, str]]:
-    """What a page says of itself: file, model with digest, date, version, command; without what is empty."""
+def head_of(model: Predictor, file: str = "", **more: str) -> list[tuple[str, str]]:
+    """What a page says of itself: file, model with digest, date and `more` (a version); without what is empty."""
     folders = dict.fromkeys(folder for folder in (model.folder, model.judge_folder) if folder is not None)
     head = {
         "file": file,
         "model": ", judge ".join(map(model_words, folders)),
         "date": time.strftime("%Y-%m-%d %H:%M"),
-        "version": f"spgf_torch {__version__}",
-        "command": command,
+        **more,
     }
     return [(name, words) for name, words in head.items() if words]
 

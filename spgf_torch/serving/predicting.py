@@ -170,7 +170,7 @@ def _told(grasps: Grasps, scene: Scene, seconds: dict[str, float], state: _Loade
     from spgf_torch.grasps.page import head_of
 
     name = secrets.token_hex(8)
-    state.results[name] = grasps, head_of(state.model, file)
+    state.results[name] = grasps, head_of(state.model, file, version=f"spgf_torch {__version__}")
     while len(state.results) > state.config.kept:
         state.results.popitem(last=False)
     said = grasps.to_dict()
