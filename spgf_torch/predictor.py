@@ -241,7 +241,6 @@ class Predictor:
         if keep is not None and not callable(keep):
             raise InputError(f"keep: expected a function of a grasp, got {keep!r:.40}")
         failed = None if avoid is None else self._places(avoid)
-        plane = None if plane is None else vectors("plane", plane, (4,))
         if isinstance(scene, Texlets):
             if failed is not None:
                 raise InputError("avoid: expected with a scene, got texlets")
@@ -344,7 +343,7 @@ def _kept(keep: Callable[[Grasp], bool], grasp: Grasp) -> bool:
 def scene_of_texlets(texlets: Texlets, plane: np.ndarray | None, spacing: float) -> Scene:
     """A scene of which texlets, maybe over a table (4,), are all that is known."""
     one = torch.ones(len(texlets), dtype=torch.int64)
-    table = None if plane is None else np.asarray(plane, dtype=np.float64)
+    table = None if plane is None else vectors("plane", plane, (4,))
     return Scene(texlets, one, torch.zeros(0, 3), table, None, None, spacing, ())
 
 
