@@ -63,7 +63,7 @@ class Client:
         """Ranked grasps, best first, as the dictionary of grasps.json: `answer["grasps"][0]["T_input_tcp"]`.
 
         Args:
-            points: (N, 3) or (H, W, 3), m. depth: (H, W): fractions are m, whole numbers counts of depth_scale (millimetres).
+            points: (N, 3) or (H, W, 3), m. depth: (H, W): fractions are m, whole numbers counts of depth_scale (mm).
             K: 3 x 3, or fx, fy, cx, cy.
             file: path of a cloud, a mesh or a depth image (then K, or intrinsics= a file), or a list of paths of views.
             T_input_camera: (4, 4) pose of the depth image's camera, m.
