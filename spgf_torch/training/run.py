@@ -51,6 +51,14 @@ def run(config: TrainConfig, folder: Path, stages: ProgressReporter, tell: Tell)
     check_settings(config)
     place = check_name(config)
     cache = _opened(config)
+    with cache.going_on():
+        _run(config, folder, place, cache, stages, tell)
+
+
+def _run(
+    config: TrainConfig, folder: Path, place: Path | None, cache: Cache, stages: ProgressReporter, tell: Tell
+) -> None:
+    """`run`, of settings that were looked at; `place`: where the model is kept by a name, too."""
     start = time.perf_counter()
     if config.classwise and config.final_model:
         tell("classwise: each class is learned by itself, no model of all objects is kept")
@@ -140,6 +148,7 @@ def _votes(
 
     taught, design = material.taught, material.design
     objects = taught.objects()
+    _tell_of_compiling(tell)
     if (dictionary := load_dictionary(config, design, objects)) is not None:
         tell(dictionary.told)
     describer = _describer(config, cache)
@@ -157,6 +166,16 @@ def _votes(
     if dictionary is not None:
         results["prototypes_from"] = dict(dictionary.about)
     return results | _saved(config, folder, material, learned, describer, results)
+
+
+def _tell_of_compiling(tell: Tell) -> None:
+    """That the first steps of the stages take longer, where this machine has no compiled loops yet."""
+    from spgf_torch.compiled import is_kept
+    from spgf_torch.ops.kmeans import add_nearest
+    from spgf_torch.ops.registration import compiled_wanted
+
+    if compiled_wanted() and not is_kept(add_nearest):
+        tell("compiling inner loops, once on this machine: some two minutes, in the first steps of the stages")
 
 
 def _measured(config: TrainConfig, folder: Path, material: Material, learned: Learned) -> dict[str, Any]:
