@@ -12,7 +12,7 @@ import yaml
 from composing import composed
 from trial_objects import ball, bin_, box, can, cup, from_above, from_side
 
-from spgf_torch import evaluate, simulate, train
+from spgf_torch import evaluate, simulate
 from spgf_torch.errors import InputError
 from spgf_torch.experiment.config import EvaluateConfig, TrainConfig
 from spgf_torch.hands.config import HandConfig
@@ -25,6 +25,7 @@ from spgf_torch.simulation.articulation import HandBuilder, physx, sapien
 from spgf_torch.simulation.config import EpisodeConfig, SimulateConfig
 from spgf_torch.simulation.episode import Simulator, configure
 from spgf_torch.simulation.precheck import PreCheck
+from spgf_torch.train import run as train
 
 
 def panda_settings() -> dict:
@@ -207,14 +208,14 @@ def test_simulate_train_evaluate(tmp_path: Path):
     simulate.run(settled("simulate", SimulateConfig, "hand=panda", f"out={table}", *sizes), tmp_path)
 
     learn = [f"objects={objects}", f"trials={table}", "hand=panda", *TINY]
-    train.run(settled("train", TrainConfig, *learn), model)
+    train(settled("train", TrainConfig, *learn), model)
     assert "panda" in (model / "README.md").read_text()
     with pytest.raises(InputError, match=r"banana\.parquet: expected trials made with hand_digest"):
-        train.run(settled("train", TrainConfig, *learn, "hand=sdh2"), tmp_path)
+        train(settled("train", TrainConfig, *learn, "hand=sdh2"), tmp_path)
     others = tmp_path / "others"  # a folder that was named: no other trials are made in the place of these
     shutil.copytree(root() / "data/trials", others)
     with pytest.raises(InputError, match="expected trials made with hand_digest"):
-        train.run(settled("train", TrainConfig, *learn, f"trials={others}"), tmp_path)
+        train(settled("train", TrainConfig, *learn, f"trials={others}"), tmp_path)
 
     block = trimesh.creation.box((0.05, 0.06, 0.08)).subdivide().subdivide()
     block.export(meshes / "block.ply")
