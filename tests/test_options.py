@@ -42,6 +42,7 @@ def overrides(command: str, *arguments: str) -> list[str]:
         ("predict", "--cfg job --proposing clutter", "--cfg job proposing=clutter"),
         ("predict", "-- --seed 3", "input=['--seed','3'] batch=true"),
         ("simulate", "--out table --skip-bad --candidates 5", "out=table skip_bad=true candidates=5"),
+        ("evaluate", "--table true --objects x", "table=true objects=x"),  # a switch here, of scenes four numbers
         ("simulate", "--no-skip-bad", "skip_bad=false"),
         (
             "train",

@@ -109,7 +109,7 @@ def _option(command: str, word: str, words: deque[str], known: dict[str, Any]) -
     values = [words.popleft()]
     while is_number(values[0]) and not _is_scalar(known.get(name)) and words and is_number(words[0]):
         values.append(words.popleft())
-    if name in VECTORS:
+    if name in VECTORS and not _is_scalar(known.get(name)):
         _check_vector(word, name, values, words)
     return name, ["[" + ",".join(values) + "]"] if len(values) > 1 else values
 
