@@ -148,8 +148,6 @@ def _card(name: str, parts: Mapping[str, Identity], hand: Hand, small: SmallConf
             f"probability and {small.supports} of support; `model.json` says of which model, and how many went."
         )
     lines += [f"- Hand: `hand/`, digest {hand.digest[:SHOWN]}.", ""]
-    lines += [
-        f"`spgf predict FILE --model {name}` where this folder is `models/{name}`, `--model THIS_FOLDER` anywhere; or"
-    ]
+    lines += [f"`spgf predict FILE --model {name}` by its name, `--model THIS_FOLDER` from anywhere; or"]
     lines += ["", "```python", "import spgf_torch", "", _LOAD, "```", "", cards]
     return "\n".join(lines).rstrip() + "\n"
