@@ -4,26 +4,63 @@ A kernel works on the memory of torch tensors (`tensor.numpy()`), in the calling
 lock, so that `threads.in_parts` can run several. It is compiled at its first call, which takes seconds, and kept
 beside its module or in the user's cache (numba's `NUMBA_CACHE_DIR`); where neither can be written, or the disk is full,
 it is compiled in every process. Arithmetic keeps its order: the same in every run.
+
+Every loop has a twin of torch's own operations (`ops`), which gives the same and is slower where there is much to do.
+What is done once in a process is done sooner without loops: `spare_loops`.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-import numba
+from spgf_torch.errors import InputError
 
 F = TypeVar("F", bound=Callable[..., object])
+
+SWITCH = "SPGF_OPS"
+
+
+class _Spared:
+    """Whether this process loads operators without their loops."""
+
+    loops = False
+
+
+def spare_loops() -> None:
+    """Load operators without their loops from now on, unless `SPGF_OPS=compiled` is in the environment.
+
+    Numba is not even imported then. For a process whose work takes seconds: to compile them takes half a minute, and
+    longer to load than they save.
+    """
+    _Spared.loops = True
+
+
+def loops_wanted() -> bool:
+    """Whether compiled loops are used where there are any. Raises InputError for a value of SPGF_OPS that says nothing.
+
+    Asked when operators are defined: once in a process.
+    """
+    wanted = os.environ.get(SWITCH, "torch" if _Spared.loops else "compiled")
+    if wanted not in ("compiled", "torch"):
+        raise InputError(f"{SWITCH}: expected compiled or torch in the environment, got {wanted!r:.40}")
+    return wanted == "compiled"
 
 
 def compiled(function: F) -> F:
     """The function, compiled in numba's nopython mode, and inlined where another kernel calls it.
 
-    A call that is not inlined copies its named tuples of arrays: some 100 ns, more than many a loop's work.
+    A call that is not inlined copies its named tuples of arrays: some 100 ns, more than many a loop's work. Where loops
+    are spared it is the function itself, which nobody calls.
     """
+    if _Spared.loops and not loops_wanted():
+        return function
+    import numba
+
     compiler = partial(numba.njit, nogil=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
     try:
         kernel = compiler(cache=True)(function)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from spgf_torch import __version__
 from spgf_torch.cli.batch import run_each
 from spgf_torch.cli.command import command_line, run_command
+from spgf_torch.compiled import spare_loops
 from spgf_torch.errors import InputError
 from spgf_torch.files.given_paths import check_files, model_and_judge
 from spgf_torch.progress import ProgressReporter, show
@@ -86,6 +87,7 @@ def run(config: PredictConfig, folder: Path) -> None:
     """
     loaded = cache(lambda: _loaded(config))
     if not config.batch:
+        spare_loops()
         _predict(config, folder, loaded)
         return
     files = [str(file) for file in (config.input if isinstance(config.input, list) else [config.input])]
@@ -102,11 +104,11 @@ def run(config: PredictConfig, folder: Path) -> None:
 
 def _loaded(config: PredictConfig) -> Predictor:
     """The predictor; what it builds and compiles at its first prediction is the time of the first scene."""
-    from spgf_torch.compiled import is_kept
+    from spgf_torch.compiled import is_kept, loops_wanted
+    from spgf_torch.ops.deepest_free import push
     from spgf_torch.predictor import Predictor
-    from spgf_torch.proposing.push_loops import deepest_free
 
-    if not is_kept(deepest_free):
+    if loops_wanted() and not is_kept(push):
         show("compiling inner loops, once on this machine: some half a minute")
     with ProgressReporter().stage("model", 1, "model") as advance:
         how = (config.device, config.proposing, config.retreat, config.judge)

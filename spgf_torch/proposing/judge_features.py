@@ -28,13 +28,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
+
 import torch
 from torch import Tensor
 
+from spgf_torch.ops.nearest_piece import nearest_piece
+from spgf_torch.ops.pad_numbers import pad_numbers
 from spgf_torch.proposing.bodies import body_at
 from spgf_torch.proposing.hand_geometry import HandGeometry
-from spgf_torch.proposing.hand_loops import nearest_piece, pad_numbers
 from spgf_torch.proposing.hypotheses import Hypotheses, Search, local, parts
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.sensing.unseen import DepthView, behind_at, mean_direction
@@ -119,10 +120,7 @@ def margin(at: Tensor, hand: HandGeometry, most: float) -> Tensor:
 
     The distance to a piece is that to the plane of its farthest face, which near an edge is less than the true one.
     """
-    normals, offsets = hand.planes
-    least = torch.full((len(at),), most)
-    nearest_piece(at.numpy(), normals.numpy(), offsets.numpy(), least.numpy())
-    return least
+    return nearest_piece(at, *hand.planes, most)
 
 
 def between_pads(at: Tensor, cosine: Tensor, hand: HandGeometry) -> Tensor:
@@ -132,10 +130,7 @@ def between_pads(at: Tensor, cosine: Tensor, hand: HandGeometry) -> Tensor:
         (region.half, region.height, region.low, region.high, region.middle),
         math.cos(math.atan(config.friction)),
     )
-    limits = np.array([*box, config.near_fingers, config.pad_depth, edge, _FACING], np.float32)
-    numbers = torch.empty(len(at), len(PADS) + 1)
-    pad_numbers(at.numpy(), cosine.numpy(), limits, numbers.numpy())
-    return numbers
+    return pad_numbers(at, cosine, torch.tensor([*box, config.near_fingers, config.pad_depth, edge, _FACING]))
 
 
 def bodies(at: Tensor, T: Tensor, seen: Seen, hand: HandGeometry) -> Tensor:

@@ -1,24 +1,27 @@
-"""Compiled loops of the search for hypotheses: hands pushed forward until they touch something.
+"""The search along the approach: hands pushed forward until they touch something -> where they are free.
 
-Exact decisions are those of `sensed_collision.touched`; what is far from a hand is passed over by its place in the
-hand's frame, with room for rounding.
+What is far from a hand is passed over by its place in the hand's frame, with room for rounding; exact decisions are
+those of `points_in_volume`.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
-from spgf_torch.affordance.sensed_collision import HandVolume
 from spgf_torch.compiled import compiled
+from spgf_torch.ops.points_in_volume import points_in_volume
+from spgf_torch.ops.registration import memory, operator
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ids = NDArray[np.int64]
-# Convex pieces: bounds (2, 3), planes (F, 4), where each piece's planes end, and cells (X, Y, Z) that they may reach
-# into, of which the outermost are empty.
+# Of a volume (`Volume`) the arrays.
 Pieces = tuple[Doubles, Doubles, Ids, Bools]
 # Points as columns (3, N), and what may not touch them.
 Things = tuple[Floats, Pieces]
@@ -35,62 +38,91 @@ CELL = 0.004
 SCALE = np.float32(1 / CELL)
 
 
-def pieces_of(volume: HandVolume) -> Pieces:
-    """A volume as the loops below take it."""
-    bounds = torch.stack([volume.low, volume.high]).double().cpu().numpy()
-    shape = np.ceil((bounds[1] - bounds[0] + 2 * ROOM) / CELL).astype(int)
-    middles = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1) + 0.5
-    middles = (bounds[0] - ROOM + CELL * middles).reshape(-1, 3)
-    cells = np.zeros(len(middles), np.bool_)
-    each = [piece.double().cpu().numpy() for piece in volume.planes]
-    for planes in each:
-        size = np.abs(planes[:, :3]).sum(axis=1) * (CELL / 2 + 2 * ROOM)
-        within = np.flatnonzero(~cells)
-        for normal, most in zip(planes[:, :3], planes[:, 3] + size, strict=True):  # each leaves the next one fewer
-            within = within[middles[within] @ normal <= most]
-        cells[within] = True
-    return bounds, np.concatenate(each), np.cumsum([len(planes) for planes in each]), np.pad(cells.reshape(shape), 1)
+class Volume(NamedTuple):
+    """Convex pieces.
+
+    Attributes:
+        bounds: (2, 3) f64, lowest and highest corner of a box about all, m. planes: (F, 4) f64, as in
+            `points_in_volume`. end: (pieces,) int64, where each piece's planes end.
+        cells: (X, Y, Z) bool, those of side `CELL` from `ROOM` below the box that they may reach into, by as much
+            again; the outermost are empty.
+    """
+
+    bounds: Tensor
+    planes: Tensor
+    end: Tensor
+    cells: Tensor
+
+
+@operator(
+    "deepest_free(Tensor T, Tensor where, Tensor possible, int back, Tensor[] points, Tensor[] volumes) -> Tensor"
+)
+def deepest_free(
+    T: Tensor, where: Tensor, possible: Tensor, back: int, points: list[Tensor], volumes: list[Tensor]
+) -> Tensor:
+    """(F, D, P) bool: the first place along D that is possible and touches nothing, and the one `back` after it.
+
+    Hands have the rotations of T (F, 4, 4) and stand at where (F, D, P, 3), m; the latter place too is only marked
+    where it is possible and touches nothing.
+
+    Args:
+        points: of three kinds (texlets, obstacles, hidden places) those (N, 3) f32 that a hand may not touch.
+        volumes: the hand's `Volume` for each kind, one after the other.
+    """
+    kinds = [(each, Volume(*volumes[4 * i : 4 * i + 4])) for i, each in enumerate(points)]
+    kept, depths = torch.zeros_like(possible), possible.shape[1]
+    deepest = torch.full_like(possible[:, 0], -1, dtype=torch.int64)  # (F, P)
+    for k in range(depths):
+        for asked in (possible[:, k] & (deepest < 0), possible[:, k] & (deepest == k - back) & (deepest >= 0)):
+            f, p = asked.nonzero(as_tuple=True)
+            kept[f, k, p] |= _free(T[f], where[f, k, p], kinds)
+        deepest[kept[:, k] & (deepest < 0)] = k
+    return kept
+
+
+def _free(T: Tensor, at: Tensor, kinds: list[tuple[Tensor, Volume]]) -> Tensor:
+    """(G,) bool: hands of rotations T (G, 4, 4) at places (G, 3) touch nothing."""
+    poses = T.clone()
+    poses[:, :3, 3] = at
+    free = torch.ones_like(T[:, 0, 0], dtype=torch.bool)
+    for points, volume in kinds:
+        left = free.nonzero()[:, 0]
+        free[left] = ~points_in_volume.in_torch(points, poses[left], volume.planes, volume.end.tolist(), volume.bounds)
+    return free
+
+
+@deepest_free.on_cpu
+def _in_loops(
+    T: Tensor, where: Tensor, possible: Tensor, back: int, points: list[Tensor], volumes: list[Tensor]
+) -> Tensor:
+    kept, arrays = torch.zeros_like(possible), list(map(memory, volumes))
+    sensed, others, hidden = ((memory(each.T), tuple(arrays[4 * i : 4 * i + 4])) for i, each in enumerate(points))
+    push(memory(T), memory(where), memory(possible), back, (sensed, others, hidden), kept.numpy())
+    return kept
+
+
+@deepest_free.fake
+def _shapes(
+    T: Tensor, where: Tensor, possible: Tensor, back: int, points: list[Tensor], volumes: list[Tensor]
+) -> Tensor:
+    return torch.empty_like(possible)
 
 
 @compiled
-def extents(at: Floats, edges: Floats, first: Floats, last: Floats, low: Floats, high: Floats, count: Ids) -> None:
-    """Least and greatest x (F, D), and number, of the points at (F, 3, N) that lie between each pair of planes.
-
-    Those with |x - edges[0]| below edges[1], |y| below edges[2], and z between first[k] and last[k] (D,).
-    """
-    on = np.empty(at.shape[2], np.int64)
-    for f in range(len(at)):
-        x, y, z = at[f, 0], at[f, 1], at[f, 2]
-        between = 0
-        for i in range(len(x)):  # without a branch, which would be guessed wrong half of the time
-            on[between] = i
-            between += (abs(y[i]) < edges[2]) & (abs(x[i] - edges[0]) < edges[1])
-        for i in on[:between]:
-            for k in range(len(first)):
-                if z[i] > first[k] and z[i] < last[k]:
-                    low[f, k], high[f, k] = min(low[f, k], x[i]), max(high[f, k], x[i])
-                    count[f, k] += 1
-
-
-@compiled
-def deepest_free(T: Floats, where: Floats, possible: Bools, back: int, things: Kinds, kept: Bools) -> None:
-    """Mark in kept (F, D, P) the first place along D that is possible and touches nothing, and the one `back` after it.
-
-    Hands have the rotations of T (F, 4, 4) and stand at where (F, D, P, 3); the latter one too is only marked where it
-    is possible and touches nothing.
-    """
+def push(T: Floats, where: Floats, possible: Bools, back: int, things: Kinds, kept: Bools) -> None:
+    """Out: kept (F, D, P), from False."""
     D, P = possible.shape[1:]
     offset, box = np.empty((D, P, 3)), np.empty((2, 3))
-    near = (room_for(things[0]), room_for(things[1]), room_for(things[2]))
+    near = (_room_for(things[0]), _room_for(things[1]), _room_for(things[2]))
     for f in range(len(T)):
-        if not offsets_of(T[f], where[f], possible[f], offset, box):
+        if not _offsets_of(T[f], where[f], possible[f], offset, box):
             continue
         for t in range(3):
             near[t][2][0], near[t][2][1] = -1, 0  # to a slice it would take seconds to compile
         for p in range(P):
             k, found = 0, False
             while k < D:  # asked at one place in the code: each call is inlined, and takes seconds to compile
-                free = possible[f, k, p] and free_at(T[f], where[f, k, p], offset[k, p], box, things, near)
+                free = possible[f, k, p] and _free_at(T[f], where[f, k, p], offset[k, p], box, things, near)
                 kept[f, k, p] = free
                 if found:
                     break
@@ -99,14 +131,14 @@ def deepest_free(T: Floats, where: Floats, possible: Bools, back: int, things: K
 
 
 @compiled
-def room_for(things: Things) -> Near:
+def _room_for(things: Things) -> Near:
     """Arrays for as many as there are."""
     count = things[0].shape[1]
     return np.empty((3, count), np.float32), np.empty(count, np.int64), np.empty(2, np.int64)
 
 
 @compiled
-def offsets_of(pose: Floats, where: Floats, possible: Bools, offset: Doubles, box: Doubles) -> bool:
+def _offsets_of(pose: Floats, where: Floats, possible: Bools, offset: Doubles, box: Doubles) -> bool:
     """Places (D, P, 3) in the axes of a pose (4, 4), and the box (2, 3) of those that are possible; none: False."""
     box[0], box[1] = np.inf, -np.inf
     for k in range(possible.shape[0]):
@@ -122,20 +154,20 @@ def offsets_of(pose: Floats, where: Floats, possible: Bools, offset: Doubles, bo
 
 
 @compiled
-def free_at(
+def _free_at(
     pose: Floats, place: Floats, offset: Doubles, box: Doubles, things: Kinds, near: tuple[Near, Near, Near]
 ) -> bool:
     """Whether hands at a place, `offset` from their pose in its axes, touch nothing."""
     for t in range(3):
         if near[t][2][0] < 0:
-            gather(pose, box, things[t], near[t])
-        if touching(pose, place, offset, things[t], near[t]):
+            _gather(pose, box, things[t], near[t])
+        if _touching(pose, place, offset, things[t], near[t]):
             return False
     return True
 
 
 @compiled
-def gather(pose: Floats, box: Doubles, things: Things, near: Near) -> None:
+def _gather(pose: Floats, box: Doubles, things: Things, near: Near) -> None:
     """Those that the volume may touch at places within the box (2, 3) about the pose, in its axes."""
     columns, (bounds, _, _, _) = things
     coordinates, ids, state = near
@@ -161,7 +193,7 @@ def gather(pose: Floats, box: Doubles, things: Things, near: Near) -> None:
 
 
 @compiled
-def touching(pose: Floats, place: Floats, offset: Doubles, things: Things, near: Near) -> bool:
+def _touching(pose: Floats, place: Floats, offset: Doubles, things: Things, near: Near) -> bool:
     """Whether the volume touches one of those near; looked for from the one that it touched last: it often still is."""
     columns, (bounds, planes, end, cells) = things
     coordinates, ids, state = near
@@ -176,7 +208,7 @@ def touching(pose: Floats, place: Floats, offset: Doubles, things: Things, near:
         y = min(max(coordinates[1, m] - y0, nothing), y1)
         z = min(max(coordinates[2, m] - z0, nothing), z1)
         maybe = cells[np.uint32(x), np.uint32(y), np.uint32(z)]
-        if maybe and inside(pose, place, columns[:, ids[m]], bounds, planes, end):
+        if maybe and _inside(pose, place, columns[:, ids[m]], bounds, planes, end):
             state[1] = m
             return True
         m = m + 1 if m + 1 < state[0] else 0
@@ -184,8 +216,8 @@ def touching(pose: Floats, place: Floats, offset: Doubles, things: Things, near:
 
 
 @compiled
-def inside(pose: Floats, place: Floats, point: Floats, bounds: Doubles, planes: Doubles, end: Ids) -> bool:
-    """Whether a point lies in a volume at a place with a pose's rotation: the arithmetic of `touched`, in f64."""
+def _inside(pose: Floats, place: Floats, point: Floats, bounds: Doubles, planes: Doubles, end: Ids) -> bool:
+    """Whether a point lies in a volume at a place with a pose's rotation: the arithmetic of `points_in_volume`."""
     a = np.float64(point[0]) - np.float64(place[0])
     b = np.float64(point[1]) - np.float64(place[1])
     c = np.float64(point[2]) - np.float64(place[2])
