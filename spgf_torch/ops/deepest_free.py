@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from spgf_torch.compiled import compiled
-from spgf_torch.ops.points_in_volume import points_in_volume
+from spgf_torch.ops.points_in_volume import in_a_piece
 from spgf_torch.ops.registration import memory, operator
 
 Floats = NDArray[np.float32]
@@ -36,6 +36,9 @@ ROOM = 1e-4
 # m; side of the cells.
 CELL = 0.004
 SCALE = np.float32(1 / CELL)
+
+# Pairs of a frame and a point that torch looks at together: bounds the memory.
+TOGETHER = 1 << 19
 
 
 class Volume(NamedTuple):
@@ -69,26 +72,84 @@ def deepest_free(
         points: of three kinds (texlets, obstacles, hidden places) those (N, 3) f32 that a hand may not touch.
         volumes: the hand's `Volume` for each kind, one after the other.
     """
-    kinds = [(each, Volume(*volumes[4 * i : 4 * i + 4])) for i, each in enumerate(points)]
-    kept, depths = torch.zeros_like(possible), possible.shape[1]
+    kept = torch.zeros_like(possible)
+    step = max(1, TOGETHER // max(1, *map(len, points)))
+    for start in range(0, len(T), step):
+        part = slice(start, start + step)
+        near = [_Nearby.of(T[part], each, Volume(*volumes[4 * i : 4 * i + 4])) for i, each in enumerate(points)]
+        kept[part] = _along(where[part], possible[part], back, near)
+    return kept
+
+
+def _along(where: Tensor, possible: Tensor, back: int, near: list[_Nearby]) -> Tensor:
+    """Some frames of `deepest_free`, all of them place by place."""
+    kept = torch.zeros_like(possible)
     deepest = torch.full_like(possible[:, 0], -1, dtype=torch.int64)  # (F, P)
-    for k in range(depths):
-        for asked in (possible[:, k] & (deepest < 0), possible[:, k] & (deepest == k - back) & (deepest >= 0)):
-            f, p = asked.nonzero(as_tuple=True)
-            kept[f, k, p] |= _free(T[f], where[f, k, p], kinds)
+    touched = [torch.zeros_like(deepest) for _ in near]  # by the place before: it often still is
+    for k in range(possible.shape[1]):
+        behind = (deepest >= 0) & (deepest == k - back)
+        f, p = (possible[:, k] & ((deepest < 0) | behind)).nonzero(as_tuple=True)
+        free = torch.ones_like(f, dtype=torch.bool)
+        for things, last in zip(near, touched, strict=True):
+            left = free.nonzero()[:, 0]
+            hand, place = f[left], p[left]
+            last[hand, place], free[left] = things.touched(hand, where[hand, k, place], last[hand, place])
+        kept[f, k, p] = free
         deepest[kept[:, k] & (deepest < 0)] = k
     return kept
 
 
-def _free(T: Tensor, at: Tensor, kinds: list[tuple[Tensor, Volume]]) -> Tensor:
-    """(G,) bool: hands of rotations T (G, 4, 4) at places (G, 3) touch nothing."""
-    poses = T.clone()
-    poses[:, :3, 3] = at
-    free = torch.ones_like(T[:, 0, 0], dtype=torch.bool)
-    for points, volume in kinds:
+class _Nearby(NamedTuple):
+    """Points about the hands of some frames T (F, 4, 4): in their axes at (F, 3, N), in cells, and as they are."""
+
+    T: Tensor
+    at: Tensor
+    points: Tensor
+    volume: Volume
+
+    @staticmethod
+    def of(T: Tensor, points: Tensor, volume: Volume) -> _Nearby:
+        a, b, c = (points[:, axis] - T[:, axis, 3:] for axis in range(3))
+        at = [T[:, 0, i, None] * a + T[:, 1, i, None] * b + T[:, 2, i, None] * c for i in range(3)]
+        return _Nearby(T, torch.stack(at, dim=1) / CELL, points, volume)
+
+    def touched(self, frame: Tensor, place: Tensor, first: Tensor) -> tuple[Tensor, Tensor]:
+        """A point (G,) that hands of a frame (G,) at places (G, 3) touch, and that they do not: `first` is tried first.
+
+        That of a hand that touches none says nothing.
+        """
+        if not len(self.points):
+            return first, torch.ones_like(first, dtype=torch.bool)
+        free, found = ~self._inside(frame, place, first), first.clone()
         left = free.nonzero()[:, 0]
-        free[left] = ~points_in_volume.in_torch(points, poses[left], volume.planes, volume.end.tolist(), volume.bounds)
-    return free
+        hand, point = self._maybe(frame[left], place[left]).nonzero(as_tuple=True)
+        sure = self._inside(frame[left[hand]], place[left[hand]], point)
+        free[left[hand[sure]]], found[left[hand[sure]]] = False, point[sure]
+        return found, free
+
+    def _maybe(self, frame: Tensor, place: Tensor) -> Tensor:
+        """(G, N) bool: the cell that a point lies in is not empty."""
+        T, cells = self.T[frame], self.volume.cells
+        offset = ((place - T[:, :3, 3]).unsqueeze(1) @ T[:, :3, :3])[:, 0]
+        corner = ((self.volume.bounds[0] + offset - ROOM) / CELL - 1).float()
+        index = torch.zeros_like(self.at[frame, 0], dtype=torch.int32)
+        for axis, size in enumerate(cells.shape):
+            along = self.at[frame, axis] - corner[:, axis, None]
+            index = index * size + along.clamp(0, size - 1).int()
+        return cells.flatten()[index]
+
+    def _inside(self, frame: Tensor, place: Tensor, point: Tensor) -> Tensor:
+        """(G,) bool: a point of each hand is within its volume."""
+        T, away = self.T[frame, :3, :3].double(), self.points[point].double() - place.double()
+        local = [T[:, 0, i] * away[:, 0] + T[:, 1, i] * away[:, 1] + T[:, 2, i] * away[:, 2] for i in range(3)]
+        low, high = self.volume.bounds
+        within = torch.ones_like(point, dtype=torch.bool)
+        for i in range(3):
+            within &= (local[i] >= low[i]) & (local[i] <= high[i])
+        near = within.nonzero()[:, 0]
+        of_near = (along[near] for along in local)
+        within[near] = in_a_piece(*of_near, self.volume.planes, self.volume.end.tolist())
+        return within
 
 
 @deepest_free.on_cpu
