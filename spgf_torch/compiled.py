@@ -12,6 +12,7 @@ What is done once in a process is done sooner without loops: `spare_loops`.
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -23,6 +24,9 @@ from spgf_torch.errors import InputError
 F = TypeVar("F", bound=Callable[..., object])
 
 SWITCH = "SPGF_OPS"
+
+# Of the loops of a prediction those that take longest to compile: `push`, which is kept after all that it calls.
+_LAST = Path(__file__).parent / "ops/deepest_free.py"
 
 
 class _Spared:
@@ -37,7 +41,7 @@ def spare_loops() -> None:
     Numba is not even imported then. For a process whose work takes seconds: to compile them takes half a minute, and
     longer to load than they save.
     """
-    _Spared.loops = True
+    _Spared.loops = SWITCH not in os.environ
 
 
 def loops_wanted() -> bool:
@@ -70,10 +74,14 @@ def compiled(function: F) -> F:
     return cast(F, kernel)
 
 
-def is_kept(kernel: Any) -> bool:
-    """Whether compiled code of a kernel lies in a cache; else its first call takes seconds."""
-    folder = getattr(getattr(kernel, "stats", None), "cache_path", None)
-    return folder is not None and any(Path(folder).glob(f"*{kernel.__name__}-*.nbi"))
+def loops_kept() -> bool:
+    """Whether compiled loops lie where numba keeps them; else their first calls take half a minute. Imports nothing."""
+    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
+        places = [Path(chosen)]
+    else:
+        home = Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache")
+        places = [_LAST.parent, Path(os.environ.get("XDG_CACHE_HOME") or home) / "numba"]
+    return any(any(place.glob(f"*/{_LAST.stem}.push-*.nbi")) for place in places)
 
 
 def _may_fail(kernel: Any) -> None:

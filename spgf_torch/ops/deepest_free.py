@@ -147,8 +147,8 @@ class _Nearby(NamedTuple):
         for i in range(3):
             within &= (local[i] >= low[i]) & (local[i] <= high[i])
         near = within.nonzero()[:, 0]
-        of_near = (along[near] for along in local)
-        within[near] = in_a_piece(*of_near, self.volume.planes, self.volume.end.tolist())
+        x, y, z = (along[near] for along in local)
+        within[near] = in_a_piece(x, y, z, self.volume.planes, self.volume.end.tolist())
         return within
 
 
@@ -156,10 +156,15 @@ class _Nearby(NamedTuple):
 def _in_loops(
     T: Tensor, where: Tensor, possible: Tensor, back: int, points: list[Tensor], volumes: list[Tensor]
 ) -> Tensor:
-    kept, arrays = torch.zeros_like(possible), list(map(memory, volumes))
-    sensed, others, hidden = ((memory(each.T), tuple(arrays[4 * i : 4 * i + 4])) for i, each in enumerate(points))
+    kept = torch.zeros_like(possible)
+    sensed, others, hidden = (_arrays(each, Volume(*volumes[4 * i : 4 * i + 4])) for i, each in enumerate(points))
     push(memory(T), memory(where), memory(possible), back, (sensed, others, hidden), kept.numpy())
     return kept
+
+
+def _arrays(points: Tensor, volume: Volume) -> Things:
+    bounds, planes, end, cells = map(memory, volume)
+    return memory(points.T), (bounds, planes, end, cells)
 
 
 @deepest_free.fake
@@ -211,7 +216,7 @@ def _offsets_of(pose: Floats, where: Floats, possible: Bools, offset: Doubles, b
                         along += pose[j, axis] * (where[k, p, j] - pose[j, 3])
                     offset[k, p, axis] = along
                     box[0, axis], box[1, axis] = min(box[0, axis], along), max(box[1, axis], along)
-    return box[0, 0] <= box[1, 0]
+    return bool(box[0, 0] <= box[1, 0])
 
 
 @compiled

@@ -62,7 +62,8 @@ def _product(rows: Tensor, columns: Tensor) -> Tensor:
 @depth_behind.on_cpu
 def _in_loops(T: Tensor, points: Tensor, image: Image, enough: float, least: Tensor) -> Tensor:
     lower = memory(least).copy()
-    _project(*map(memory, (T, points)), *map(memory, image), np.float32(enough), lower)
+    depth, eye, camera = map(memory, image)
+    _project(memory(T), memory(points), depth, eye, camera, np.float32(enough), lower)
     return torch.from_numpy(lower)
 
 

@@ -33,7 +33,8 @@ def extents(at: Tensor, edges: Tensor, first: Tensor, last: Tensor) -> tuple[Ten
 def _in_loops(at: Tensor, edges: Tensor, first: Tensor, last: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     low = torch.full((len(at), len(first)), torch.inf)
     high, count = torch.full_like(low, -torch.inf), torch.zeros(low.shape, dtype=torch.int64)
-    _extend(*map(memory, (at, edges, first, last)), low.numpy(), high.numpy(), count.numpy())
+    planes = memory(edges), memory(first), memory(last)
+    _extend(memory(at), *planes, low.numpy(), high.numpy(), count.numpy())
     return low, high, count
 
 

@@ -43,7 +43,8 @@ def leaves(x: Tensor, nodes: Nodes) -> Tensor:
 @leaves.on_cpu
 def _in_loops(x: Tensor, nodes: Nodes) -> Tensor:
     values = np.empty((len(x), len(nodes[0])))
-    _descend(memory(x), *map(memory, nodes), values)
+    root, feature, threshold, left, right, value = map(memory, nodes)
+    _descend(memory(x), root, feature, threshold, left, right, value, values)
     return torch.from_numpy(values)
 
 
