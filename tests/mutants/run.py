@@ -59,7 +59,7 @@ NEAREST = {
     "ops/neighbours": ["ops/test_ops_neighbours.py", "ops/test_ops.py", "features"],
     "ops/points_in_volume": ["affordance/test_sensed_collision.py", "ops/test_ops.py", "proposing"],
     "ops/farthest_first": ["proposing/test_proposing_sampling.py", "ops/test_ops.py"],
-    **dict.fromkeys([f"ops/{name}" for name in SEARCH], ["ops/test_ops.py", "proposing"]),
+    **{f"ops/{name}": ["ops/test_ops.py", "proposing"] for name in SEARCH},
     "ops/depth_behind": ["sensing/test_sensing_unseen.py", "ops/test_ops.py", "proposing"],
     "prototypes/": ["prototypes"],
     "affordance/": LEARNER,

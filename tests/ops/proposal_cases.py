@@ -7,6 +7,7 @@ from spgf_torch.geometry import se3
 from spgf_torch.ops.deepest_free import CELL, ROOM
 from spgf_torch.ops.depth_behind import Image
 from spgf_torch.ops.leaves import Nodes
+from spgf_torch.ops.nearest_piece import Blocks
 
 Case = tuple[object, ...]
 
@@ -24,9 +25,13 @@ def boxes(*halves: tuple[float, float, float]) -> Tensor:
 def nearest_piece() -> list[Case]:
     """Two boxes, one about the other's end; points within and about them, and none."""
     planes = boxes((0.02, 0.01, 0.03), (0.004, 0.04, 0.01))
-    at = 0.04 * torch.randn(50, 3, 60, generator=generator())
+    draws = generator()
+    points, T = 0.06 * torch.randn(300, 3, generator=draws), se3.random_poses(100, draws, extent=0.1)
+    at = T[:, :3, :3].mT @ (points.T - T[:, :3, 3:])
     faces = planes[..., :3].contiguous(), planes[..., 3:].contiguous()
-    return [(at, *faces, 0.005), (at, *faces, -0.005), (at[:, :, :0], *faces, 0.005), (at[:0], *faces, 0.005)]
+    blocks, none = Blocks.of(points, 0.03), Blocks.of(points[:0], 0.03)
+    cases: list[Case] = [(at, *faces, most, blocks) for most in (0.05, 0.005, -0.005)]
+    return [*cases, (at[:, :, :0], *faces, 0.005, none), (at[:0], *faces, 0.005, blocks)]
 
 
 def extents() -> list[Case]:
