@@ -78,8 +78,11 @@ def best_plane(
     if not len(normal):
         return None
     middle = some.mean(axis=0)
-    off = (some - middle) @ normal.T - ((corner - middle) * normal).sum(axis=1)
-    best = int(np.argmax(np.maximum(0.0, 1 - (off / config.table_distance) ** 2).sum(axis=0)))
+    weight = (some - middle) @ normal.T - ((corner - middle) * normal).sum(axis=1)
+    weight /= config.table_distance  # in place: there are a million of them
+    np.square(weight, out=weight)
+    np.subtract(1, weight, out=weight)
+    best = int(np.argmax(np.maximum(0.0, weight, out=weight).sum(axis=0)))
     plane = np.append(normal[best], -normal[best] @ corner[best])
     values = np.zeros(3)
     for nearer in _NEARER:
