@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from spgf_torch.errors import InputError
-from spgf_torch.scene.cloud import vectors
+from spgf_torch.scene.cloud import Cloud, vectors
 from spgf_torch.scene.config import SceneConfig
 
 # Points that hypotheses are tried on.
@@ -34,6 +36,24 @@ class FoundPlane:
     def share(self) -> float:
         """Of all points, those on the plane."""
         return float(self.on.mean())
+
+
+@dataclass(frozen=True)
+class LargestPlane:
+    """The plane that holds most of the points (N, 3), m, with hypotheses that are always the same; found when asked."""
+
+    points: np.ndarray
+    config: SceneConfig
+
+    @staticmethod
+    def of(clouds: Sequence[Cloud], config: SceneConfig) -> LargestPlane:
+        """That of clouds together."""
+        return LargestPlane(np.concatenate([cloud.points for cloud in clouds]), config)
+
+    @cached_property
+    def found(self) -> FoundPlane | None:
+        """As of `best_plane`."""
+        return best_plane(self.points, self.config, np.random.default_rng(0))
 
 
 def given_plane(values: object) -> np.ndarray:
