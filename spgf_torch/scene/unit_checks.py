@@ -15,9 +15,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from spgf_torch.errors import InputError
-from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.config import SceneConfig
-from spgf_torch.scene.planes import best_plane, height
+from spgf_torch.scene.planes import LargestPlane, height
 from spgf_torch.scene.views import View
 
 # Pixels that are looked at, planes that are tried, and how many of them one after the other.
@@ -116,21 +115,21 @@ def _off(pixel: np.ndarray, numbers: np.ndarray, planes: np.ndarray, inverse: bo
     return np.abs(numbers / np.where(there == 0, np.inf, there) - 1)
 
 
-def size_notes(targets: Sequence[Cloud], views: Sequence[View] | None, config: SceneConfig, alone: bool) -> list[str]:
+def size_notes(largest: LargestPlane, views: Sequence[View] | None, alone: bool) -> list[str]:
     """Lines that say how far and how large the target is, and a warning where no camera and no hand would have it so.
 
     Args:
-        views: of depth images, in m; None: clouds.
+        largest: the targets' points and their largest plane. views: of depth images, in m; None: clouds.
         alone: whether the targets are apart from the table and the rest of the scene.
     """
-    points = np.concatenate([cloud.points for cloud in targets])
+    points, config = largest.points, largest.config
     sides = _sides(points)
     size = " x ".join(f"{side:.3f}" for side in sides)
     median = _median(views) if views else None
     lines = [("" if median is None else f"depth: median {median:.3f} m; ") + f"extent of the target: {size} m"]
     alone = alone or config.mask is not None or config.segments is not None
     wide = config.table_width if median is None else _WIDE
-    apart = points if alone else _off_plane(points, config, wide)
+    apart = points if alone else _off_plane(largest, wide)
     thing = _thing(apart) if median is not None or len(apart) >= _MANY else None
     if _usual(median, thing) and _SMALL <= sides[0] <= _LARGE:
         return lines
@@ -202,9 +201,9 @@ def _sides(points: np.ndarray) -> np.ndarray:
     return np.sort(high - low)[::-1]
 
 
-def _off_plane(points: np.ndarray, config: SceneConfig, wide: float) -> np.ndarray:
+def _off_plane(largest: LargestPlane, wide: float) -> np.ndarray:
     """The points off their largest plane, if that is wide and holds many; none otherwise."""
-    found = best_plane(points, config, np.random.default_rng(0))
+    points, found = largest.points, largest.found
     if found is None or found.share < _TABLE or found.width < wide:
         return points[:0]
-    return points[np.abs(height(points, found.plane)) > config.table_distance]
+    return points[np.abs(height(points, found.plane)) > largest.config.table_distance]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spgf_torch.affordance.config import JUDGE
+from spgf_torch.compiled import loops_kept, loops_wanted
 from spgf_torch.experiment.config import TrainConfig, is_recorded
 from spgf_torch.files.run_settings import write_settings
 from spgf_torch.progress import ProgressReporter
@@ -170,11 +171,7 @@ def _votes(
 
 def _tell_of_compiling(tell: Tell) -> None:
     """That the first steps of the stages take longer, where this machine has no compiled loops yet."""
-    from spgf_torch.compiled import is_kept
-    from spgf_torch.ops.kmeans import add_nearest
-    from spgf_torch.ops.registration import compiled_wanted
-
-    if compiled_wanted() and not is_kept(add_nearest):
+    if loops_wanted() and not loops_kept("kmeans.add_nearest"):
         tell("compiling inner loops, once on this machine: some two minutes, in the first steps of the stages")
 
 

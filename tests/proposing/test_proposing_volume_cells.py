@@ -1,15 +1,16 @@
-"""The compiled search for free places: equal to looking at every pose by itself."""
+"""The search for free places: equal to looking at every pose by itself; no point of a hand lies in an empty cell."""
 
 import pytest
 import torch
 from proposing_models import VOLUMES
 
 from spgf_torch.geometry import se3
+from spgf_torch.ops.deepest_free import CELL, ROOM
 from spgf_torch.predictor import block
 from spgf_torch.proposing.clearance import Clearance, Plane, Surroundings
 from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.hypotheses import Search, frames, local, moved, places, profile
-from spgf_torch.proposing.push_loops import CELL, ROOM, pieces_of
+from spgf_torch.proposing.volume_cells import with_cells
 from spgf_torch.settings import settings
 
 CONFIG = settings(HypothesesConfig, seeds=4, hypotheses=100_000)
@@ -66,17 +67,16 @@ def test_no_point_of_a_hand_is_in_an_empty_cell() -> None:
     volume = VOLUMES["WPG"]
     turned = tuple(torch.cat([piece[:, :3] @ turn.T, piece[:, 3:]], dim=1) for piece in volume.planes)
     reach = torch.maximum(volume.low.abs(), volume.high.abs()).norm()
-    bounds, planes, ends, cells = pieces_of(type(volume)(turned, -reach.expand(3), reach.expand(3)))
+    bounds, planes, end, cells = with_cells(type(volume)(turned, -reach.expand(3), reach.expand(3)))
     points = (2 * torch.rand(200_000, 3, generator=generator) - 1) * reach
     within = torch.stack([(points @ piece[:, :3].T <= piece[:, 3]).all(1) for piece in turned]).any(0)
-    assert ends.tolist() == torch.tensor([len(piece) for piece in turned]).cumsum(0).tolist() and ends[-1] == len(
-        planes
-    )
+    assert end.tolist() == torch.tensor([len(piece) for piece in turned]).cumsum(0).tolist()
+    assert end[-1] == len(planes)
     assert within.sum() > 100
     for off in (-ROOM, ROOM):
-        at = ((points[within] + off - torch.from_numpy(bounds[0]) + ROOM) / CELL + 1).long()
-        assert torch.from_numpy(cells)[at.unbind(1)].all()
-    assert cells.mean() < 0.5
+        at = ((points[within] + off - bounds[0] + ROOM) / CELL + 1).long()
+        assert cells[at.unbind(1)].all()
+    assert cells.float().mean() < 0.5
 
 
 def test_a_height_above_a_table_is_that_of_the_whole_hand() -> None:
