@@ -26,7 +26,7 @@ F = TypeVar("F", bound=Callable[..., object])
 SWITCH = "SPGF_OPS"
 
 # Of the loops of a prediction those that take longest to compile: `push`, which is kept after all that it calls.
-_LAST = "deepest_free.push"
+_LAST = "push_loops.push"
 
 
 class _Spared:
@@ -55,7 +55,7 @@ def loops_wanted() -> bool:
     return wanted == "compiled"
 
 
-def compiled(function: F) -> F:
+def compiled(function: F, **options: bool) -> F:
     """The function, compiled in numba's nopython mode, and inlined where another kernel calls it.
 
     A call that is not inlined copies its named tuples of arrays: some 100 ns, more than many a loop's work. Where loops
@@ -65,13 +65,22 @@ def compiled(function: F) -> F:
         return function
     import numba
 
-    compiler = partial(numba.njit, nogil=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
+    compiler = partial(numba.njit, nogil=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True, **options)
     try:
         kernel = compiler(cache=True)(function)
     except (RuntimeError, OSError):  # no place to keep it
         return cast(F, compiler()(function))
     _may_fail(kernel)
     return cast(F, kernel)
+
+
+def lean(function: F) -> F:
+    """As `compiled`, of a function that neither makes arrays nor returns any: references to arrays are not counted.
+
+    Counting them at each call, inlined or not, takes some 10 ns an array that it is given. Where such a function makes
+    an array after all, compiling it fails.
+    """
+    return compiled(function, _nrt=False)
 
 
 def loops_kept(loop: str = _LAST) -> bool:

@@ -8,7 +8,7 @@ import pytest
 from commands import ROOT, python
 
 from spgf_torch.compiled import compiled, loops_kept
-from spgf_torch.ops import deepest_free
+from spgf_torch.ops import push_loops
 
 
 def test_a_kernel_that_cannot_be_kept_is_compiled_all_the_same() -> None:
@@ -22,12 +22,12 @@ def test_whether_loops_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     """Seen by the search's own loops, compiled into a folder and found there."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    kernel = compiled(deepest_free._offsets_of.py_func)
-    pose, offset, box = np.eye(4, dtype=np.float32), np.zeros((2, 1, 3)), np.zeros((2, 3))
-    kernel(pose, np.zeros((2, 1, 3), np.float32), np.ones((2, 1), np.bool_), offset, box)
+    kernel = compiled(push_loops._offsets_of.py_func)
+    pose, places = np.eye(4, dtype=np.float32), np.zeros((2, 1, 3), np.float32)
+    assert kernel((pose, places, np.zeros((2, 1, 3)), np.zeros((2, 3))), np.ones((2, 1), np.bool_))
     assert not loops_kept()  # the last to be kept is missing
-    (kept,) = tmp_path.glob("*/deepest_free._offsets_of-*.nbi")
-    kept.rename(kept.with_name(kept.name.replace("_offsets_of", deepest_free.push.__name__)))
+    (kept,) = tmp_path.glob("*/push_loops._offsets_of-*.nbi")
+    kept.rename(kept.with_name(kept.name.replace("_offsets_of", push_loops.push.__name__)))
     assert loops_kept() and not loops_kept("kmeans.add_nearest")
 
 

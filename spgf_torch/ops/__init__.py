@@ -25,6 +25,7 @@ where nothing is kept compiled does the same by itself (`compiled.spare_loops`).
     accumulate_votes        features and grasps -> how many votes each grasp gets, and their gain
     points_in_volume        points and hands -> whether a hand holds a point
     deepest_free            hands pushed through points -> where they are free
+        push_loops            its loops
     extents                 points about hands -> how far those between planes reach
     nearest_piece           points about hands -> how near they are to the hand
     pad_numbers             points about hands -> numbers of those between the pads

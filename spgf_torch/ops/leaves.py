@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import lean
 from spgf_torch.ops.registration import memory, operator
 
 
@@ -53,7 +53,7 @@ def _shapes(x: Tensor, nodes: Nodes) -> Tensor:
     return x.new_empty(x.shape[0], nodes[0].shape[0])
 
 
-@compiled
+@lean
 def _descend(
     x: np.ndarray,
     root: np.ndarray,

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import compiled, lean
 from spgf_torch.ops.registration import memory, operator
 
 # m; rounding of f32 coordinates makes distances differ by less.
@@ -106,7 +106,7 @@ def _lower(
             chosen, blocks = on[:near], 0
 
 
-@compiled
+@lean
 def _distances(xyz: np.ndarray, planes: tuple[np.ndarray, np.ndarray], closest: np.ndarray, beyond: np.ndarray) -> None:
     """Out: closest (n,), signed distances of the pieces to the first points of xyz (3, N). Scratch: beyond (N,)."""
     normals, offsets = planes

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import lean
 from spgf_torch.ops.registration import memory, operator
 from spgf_torch.threads import in_parts
 
@@ -70,7 +70,7 @@ def _shapes(points: Tensor, T_object_tcp: Tensor, planes: Tensor, end: list[int]
     return T_object_tcp.new_empty(T_object_tcp.shape[0], dtype=torch.bool)
 
 
-@compiled
+@lean
 def _hold(
     points: np.ndarray, T: np.ndarray, bounds: np.ndarray, planes: np.ndarray, end: np.ndarray, hit: np.ndarray
 ) -> None:
@@ -90,7 +90,7 @@ def _hold(
                 break
 
 
-@compiled
+@lean
 def _within_a_piece(x: float, y: float, z: float, planes: np.ndarray, end: np.ndarray) -> bool:
     first = 0
     for last in end:

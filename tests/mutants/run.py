@@ -42,7 +42,7 @@ FEATURES = [*(f"ops/test_ops_{name}.py" for name in RINGS), "features", "ops/tes
 CLUSTERS = ["ops/test_ops.py", "prototypes"]
 CELLS = ["affordance", "ops/test_ops.py"]
 LEARNER = ["affordance", "experiment/test_leakage.py", "experiment/test_golden.py"]
-SEARCH = ["deepest_free", "extents", "facing_gap", "leaves", "nearest_piece", "pad_numbers"]
+SEARCH = ["deepest_free", "extents", "facing_gap", "leaves", "nearest_piece", "pad_numbers", "push_loops"]
 QUICK = ["phases", "worker", "run_state", "table", "one_finger", "seeds"]
 
 # The tests nearest to a module: those of the longest beginning of its name, the quick ones first.

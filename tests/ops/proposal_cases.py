@@ -4,10 +4,10 @@ import torch
 from torch import Tensor
 
 from spgf_torch.geometry import se3
-from spgf_torch.ops.deepest_free import CELL, ROOM
 from spgf_torch.ops.depth_behind import Image
 from spgf_torch.ops.leaves import Nodes
 from spgf_torch.ops.nearest_piece import Blocks
+from spgf_torch.ops.push_loops import CELL, ROOM
 
 Case = tuple[object, ...]
 
@@ -90,14 +90,15 @@ def depth_behind() -> list[Case]:
 
 
 def deepest_free() -> list[Case]:
-    """A box pushed through points: of all three kinds, of one, and of none."""
+    """Two boxes across each other pushed through points: of all three kinds, of one, and of none."""
     draws = generator()
     half = (0.011, 0.007, 0.013)
     bounds = torch.tensor([[-part for part in half], half]).double()
     shape = ((bounds[1] - bounds[0] + 2 * ROOM) / CELL).ceil().long() + 2
-    cells = torch.zeros(shape.tolist(), dtype=torch.bool)
-    cells[1:-1, 1:-1, 1:-1] = True
-    volume = (bounds, boxes(half)[0].double(), torch.tensor([6]), cells)
+    cells = torch.zeros(shape.tolist(), dtype=torch.int32)
+    cells[1:-1, 1:-1, 1:-1] = 3
+    planes = boxes((0.004, 0.007, 0.013), (half[0], 0.002, 0.003)).flatten(0, 1).double()
+    volume = (bounds, planes, torch.tensor([6, 12]), cells)
     T = se3.random_poses(30, draws, extent=0.02)
     along = torch.linspace(0.03, -0.06, 12)[:, None, None] * T[:, None, None, :3, 2]
     where = (T[:, None, None, :3, 3] + along).expand(30, 12, 2, 3) + 0.01 * torch.randn(1, 1, 2, 3, generator=draws)
