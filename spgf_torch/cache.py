@@ -14,7 +14,7 @@ import time
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from importlib.metadata import version
@@ -73,6 +73,16 @@ class Cache:
     def open(folder: str | None, gigabytes: float) -> Cache:
         """The cache that the settings `cache` and `cache_gb` name; `off` or null for none."""
         return Cache(None if folder is None or folder.lower() in OFF else Path(folder).expanduser(), gigabytes)
+
+    @contextmanager
+    def going_on(self) -> Iterator[None]:
+        """Who ends the work within is told, by a note of the exception, where the same call goes on from."""
+        try:
+            yield
+        except KeyboardInterrupt as end:
+            if self.folder is not None and self.folder.is_dir():
+                end.add_note(f"what was done until then is kept in {self.folder}: the same call goes on from there")
+            raise
 
     def tensors(self, kind: str, key: str, make: Callable[[], Mapping[str, Tensor]]) -> dict[str, Tensor]:
         """The tensors of the entry, on the CPU; made and kept where there is none, or a damaged one.

@@ -144,7 +144,10 @@ def _judge(config: EvaluateConfig) -> Judge | None:
         show("ranked by votes")
         return None
     judge = load_judge(find(config.judge))
-    judge.check_hand(plain(config.hand), "this hand")
+    try:
+        judge.check_hand(plain(config.hand), "this hand")
+    except InputError as error:
+        raise InputError(f"{error}; or give the judge's own: hand={judge.settings['hand']['name']}") from None
     show(f"ranked by the judge in {config.judge}")
     return judge
 

@@ -45,15 +45,16 @@ def run(config: JudgeConfig, folder: Path) -> None:
     for note in found.notes:
         show(note)
     course = Course.of(found.objects, config, cache, stages)
-    if config.known is not None:
-        lessons = course.in_scenes(course.known(find(config.known)))
-    else:
-        tables = course.tables()
-        for line in hopeless_types(tables, config.hand.name):
-            show(line)
-        lessons = course.judge(tables)
-        if config.trials is None:
-            write_tables(tables, folder / TRIALS)
+    with cache.going_on():
+        if config.known is not None:
+            lessons = course.in_scenes(course.known(find(config.known)))
+        else:
+            tables = course.tables()
+            for line in hopeless_types(tables, config.hand.name):
+                show(line)
+            lessons = course.judge(tables)
+            if config.trials is None:
+                write_tables(tables, folder / TRIALS)
     size = course.save(lessons, folder, "README.md")
     show(executed_table(dict(lessons.judge.results["executed"]), config.best))
     if lessons.scenes is not None:

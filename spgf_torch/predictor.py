@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from spgf_torch.hands.carried_hand import load_carried
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import Hand
 from spgf_torch.hands.records import Grasp, Gripper, grippers_of, make_grasp
+from spgf_torch.paths import path_of
 from spgf_torch.proposing.bodies import bodies_of
 from spgf_torch.proposing.borders import Borders
 from spgf_torch.proposing.clearance import Plane, Surroundings
@@ -43,6 +45,7 @@ from spgf_torch.proposing.propose import Proposer
 from spgf_torch.prototypes.naming import prototype_names
 from spgf_torch.scene.arrays import cloud_of_arrays
 from spgf_torch.scene.assembly import texlets_of
+from spgf_torch.scene.cloud import vectors
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.scene import Scene, check_spacing
 from spgf_torch.sensing.config import SensingConfig
@@ -108,7 +111,7 @@ class Predictor:
         check_device(device)
         votes, ranks = model_and_judge(folder, judge)
         proposing = proposing or settings(ProposingConfig)
-        config = proposing_named(proposing) if isinstance(proposing, str) else proposing
+        config = proposing if isinstance(proposing, ProposingConfig) else proposing_named(proposing)
         sensing = sensing_of(votes, ranks)
         its_judge = None if ranks is None else load_judge(ranks)
         model = None if votes is None else load_model(votes, device)
@@ -143,7 +146,7 @@ class Predictor:
             InputError: something else is there, or a model and not `replace`.
         """
         assert self.hand is not None
-        place = check_free(Path(folder).expanduser(), replace, "folder")
+        place = check_free(path_of("folder", folder), replace, "folder")
         judge = None if self.judged is None else self.judged.judge
         cards = "\n".join(body(each) for each in dict.fromkeys((self.folder, self.judge_folder)))
         write_model(place, self.model, judge, self.hand, settings(SmallConfig) if small else None, cards)
@@ -233,7 +236,7 @@ class Predictor:
         Raises:
             InputError: what is given cannot be used, or `keep` says neither True nor False.
         """
-        if not isinstance(top, int) or isinstance(top, bool) or top < 1:
+        if not isinstance(top, Integral) or isinstance(top, bool) or top < 1:
             raise InputError(f"top: expected a whole number from 1, got {top!r:.40}")
         if keep is not None and not callable(keep):
             raise InputError(f"keep: expected a function of a grasp, got {keep!r:.40}")
@@ -340,7 +343,7 @@ def _kept(keep: Callable[[Grasp], bool], grasp: Grasp) -> bool:
 def scene_of_texlets(texlets: Texlets, plane: np.ndarray | None, spacing: float) -> Scene:
     """A scene of which texlets, maybe over a table (4,), are all that is known."""
     one = torch.ones(len(texlets), dtype=torch.int64)
-    table = None if plane is None else np.asarray(plane, dtype=np.float64)
+    table = None if plane is None else vectors("plane", plane, (4,))
     return Scene(texlets, one, torch.zeros(0, 3), table, None, None, spacing, ())
 
 

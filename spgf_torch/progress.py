@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from threading import Event, Thread
 from typing import Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -84,20 +85,24 @@ class ProgressReporter:
         done, told, bar = 0, start, console.is_terminal and not _label
         share = self._share(name)
 
+        def tell() -> None:
+            nonlocal told
+            now = time.perf_counter()
+            if bar or now - told <= EVERY or done >= total:
+                return
+            told, taken = now, now - start
+            left = f", about {taken / done * (total - done):.0f} s left" if done else ""
+            overall = self._left(share, done / total, taken) if done else ""
+            console.print(f"{_label}{name:12} {done:6d} of {total} {unit:10} {taken:6.1f} s{left}{overall}")
+
         def advance(steps: int = 1) -> None:
-            nonlocal done, told
+            nonlocal done
             done += steps
             progress.advance(task, steps)
-            now = time.perf_counter()
-            if not bar and now - told > EVERY and done < total:
-                told = now
-                left = (now - start) / done * (total - done)
-                console.print(
-                    f"{_label}{name:12} {done:6d} of {total} {unit:10} {now - start:6.1f} s, about {left:.0f} s left"
-                    f"{self._left(share, done / total, now - start)}"
-                )
+            tell()
 
-        with Progress(*columns, console=console, transient=True, disable=not bar) as progress:
+        own = Progress(*columns, console=console, transient=True, disable=not bar)
+        with own as progress, nullcontext() if bar else _now_and_then(tell):
             task = progress.add_task(name, total=total)
             yield advance
         taken = time.perf_counter() - start
@@ -106,6 +111,24 @@ class ProgressReporter:
         if share is not None and taken > KEPT:
             self._worked, self._spent = self._worked + share, self._spent + taken
         console.print(f"{_label}{name:12} {done:6d} {unit:10} done in {taken:6.1f} s{note()}{overall}")
+
+
+@contextmanager
+def _now_and_then(tell: Callable[[], None]) -> Iterator[None]:
+    """`tell` is called every few seconds besides: the first step of a stage may take a minute."""
+    ended = Event()
+
+    def wait() -> None:
+        while not ended.wait(EVERY):
+            tell()
+
+    thread = Thread(target=wait, name="progress", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 class ReportedProgress(ProgressReporter):

@@ -70,6 +70,7 @@ def here(command: str, *overrides: str, cwd: Path) -> subprocess.CompletedProces
     module = f"spgf_torch.{command}"
     with chdir(cwd), process_kept(), not_imported(module), redirect_stdout(out), redirect_stderr(said):
         sys.argv = [command, *overrides]
+        os.environ.setdefault("SPGF_OPS", "compiled")  # what follows in this process has more to do than one prediction
         try:
             if command.endswith(".py"):
                 runpy.run_path(command, run_name="__main__")

@@ -3,10 +3,13 @@
 import errno
 import os
 import pickle
+import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,7 @@ from torch import Tensor
 
 from spgf_torch import cache as module
 from spgf_torch.cache import Cache, code_fingerprint, fingerprint, trim
+from spgf_torch.terminal import Ended
 
 
 class Maker:
@@ -55,6 +59,18 @@ def test_an_entry_is_made_once_and_read_by_others(tmp_path: Path) -> None:
     second = other.tensors("kind", "key", make)
     assert make.calls == 1 and same(first, make()) and same(second, make())
     assert [path.name for path in (tmp_path / "new/cache").iterdir()] == ["kind-key.safetensors"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, partial(Ended, signal.SIGTERM)])
+def test_who_ends_the_work_learns_where_it_goes_on_from(error: Callable[[], BaseException], tmp_path: Path) -> None:
+    for folder, notes in ((tmp_path, 1), (tmp_path / "nothing", 0), (None, 0)):
+        with pytest.raises(KeyboardInterrupt) as ended, Cache(folder).going_on():
+            raise error()
+        told = getattr(ended.value, "__notes__", [])
+        assert len(told) == notes and all(f"kept in {tmp_path}: the same call goes on" in line for line in told)
+    with pytest.raises(ValueError, match="other") as other, Cache(tmp_path).going_on():
+        raise ValueError("other")
+    assert not hasattr(other.value, "__notes__")
 
 
 def test_other_keys_and_kinds_are_other_entries(tmp_path: Path) -> None:

@@ -42,8 +42,17 @@ def test_pack_keeps_a_model_by_a_name_and_replaces_none_by_accident(tmp_path: Pa
         assert refused.stderr.count("\n") == 1
     assert [path.name for path in (tmp_path / "models/other").iterdir()] == ["notes.txt"]
     assert sorted(path.name for path in (tmp_path / "models").iterdir()) == ["mine", "other"]
+    check_card((tmp_path / "models/mine/README.md").read_text(), (SHIPPED / "README.md").read_text())
     small = json.loads((tmp_path / "models/mine/model.json").read_text())["small"]
     assert small["left_out"] == 0 and small["points"] == len(load_model(SHIPPED).condensed.cell)
+
+
+def check_card(card: str, before: str) -> None:
+    """It says its name, and of the card before only what that told of votes and judge, as deep as it stood there."""
+    headings = [[line for line in text.splitlines() if line.startswith("#")] for text in (card, before)]
+    assert headings[0][0] == "# mine: grasps of the hand robotiq_3f" and "`spgf predict FILE --model mine`" in card
+    assert headings[0][1:] == headings[1][1:] and len(headings[0]) > 5
+    assert card.count("from_pretrained") == card.count("- Votes: ") == 1
 
 
 def test_a_pretrained_model_is_saved_elsewhere_and_is_the_same(tmp_path: Path) -> None:

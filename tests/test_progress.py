@@ -1,5 +1,9 @@
 """An estimate for all stages of a run, from those that have taken time."""
 
+import re
+import threading
+import time
+
 import pytest
 
 from spgf_torch import progress
@@ -26,3 +30,21 @@ def test_what_is_left_of_all_stages(monkeypatch: pytest.MonkeyPatch, capsys: pyt
         clock[0] += 30
         advance(1)
     assert "all stages" not in capsys.readouterr().err and not stages.plan
+
+
+def test_a_first_step_that_takes_long_is_no_silence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """Without a terminal, and without a step done: the stage, and how long it has taken; nothing of what is left."""
+    monkeypatch.setattr(progress, "EVERY", 0.02)
+    said, end = "", time.monotonic() + 20
+    with ProgressReporter([("work", 1.0), ("more", 1.0)]).stage("work", 3, "judges") as advance:
+        while "\n" not in said and time.monotonic() < end:
+            said += capsys.readouterr().err
+            time.sleep(0.01)
+        advance(3)
+    assert re.fullmatch(r"work 0 of 3 judges \d\.\d s", " ".join(said.splitlines()[0].split())), said
+    before = threading.active_count()
+    with ProgressReporter().stage("quick", 1) as advance:
+        advance(1)
+    assert threading.active_count() == before and "quick" in capsys.readouterr().err

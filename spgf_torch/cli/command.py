@@ -82,9 +82,9 @@ def _enter(command: str, kind: type[T], run: Callable[[T, Path], None]) -> None:
     except (MemoryError, ImportError, RuntimeError, OSError) as error:
         status = _of_the_machine(command, error, bool(started))
     except Ended as error:
-        status = _print_status(f"{command}: ended by {error}", 128 + error.number)
-    except KeyboardInterrupt:
-        status = _print_status(f"{command}: interrupted", 130)
+        status = _print_status(_with_notes(f"{command}: ended by {error}", error), 128 + error.number)
+    except KeyboardInterrupt as error:
+        status = _print_status(_with_notes(f"{command}: interrupted", error), 130)
     if status:
         sys.exit(status)
 
@@ -107,6 +107,11 @@ def _of_the_machine(command: str, error: Exception, started: bool) -> int:
 
 def _no_memory(error: Exception) -> bool:
     return isinstance(error, MemoryError) or any(words in str(error) for words in OUT_OF_MEMORY)
+
+
+def _with_notes(line: str, error: BaseException) -> str:
+    """A line and what was noted of an exception on its way: where the work that is done lies."""
+    return "; ".join([line, *getattr(error, "__notes__", ())])
 
 
 def _print_status(line: str, status: int) -> int:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from difflib import get_close_matches
+from itertools import takewhile
 from typing import Any, get_args
 
 from hydra._internal.utils import get_args_parser
@@ -31,6 +32,14 @@ from spgf_torch.files.given_paths import model_of_hand
 from spgf_torch.paths import root
 
 SCALARS = {int, float, str, bool}
+# Settings that are so many numbers in a row, `--viewpoint 0 0 0`, and the words that some take instead.
+VECTORS: dict[str, tuple[int, tuple[str, ...]]] = {
+    "viewpoints": (3, ()),
+    "crop_low": (3, ()),
+    "crop_high": (3, ()),
+    "gravity": (3, ("auto",)),
+    "table": (4, ("find",)),
+}
 # Setting that makes each of several files a run of its own, of commands that have it.
 BATCH = "batch"
 
@@ -100,7 +109,24 @@ def _option(command: str, word: str, words: deque[str], known: dict[str, Any]) -
     values = [words.popleft()]
     while is_number(values[0]) and not _is_scalar(known.get(name)) and words and is_number(words[0]):
         values.append(words.popleft())
+    if name in VECTORS and not _is_scalar(known.get(name)):
+        _check_vector(word, name, values, words)
     return name, ["[" + ",".join(values) + "]"] if len(values) > 1 else values
+
+
+def _check_vector(word: str, name: str, values: Sequence[str], after: Sequence[str]) -> None:
+    """InputError for a row of numbers that is none, before its words are taken for files.
+
+    What has a bracket or a comma is left to Hydra's grammar.
+    """
+    count, others = VECTORS[name]
+    words = ("null", *others)
+    if values[0] in words or set("[(,") & set(values[0]) or (is_number(values[0]) and len(values) == count):
+        return
+    said = [*values, *takewhile(lambda each: not each.startswith("--"), after)]
+    got = said[: max(count, len(values))]
+    instead = "".join(f", or {each}" for each in others)
+    raise InputError(f"{word}: expected {count} numbers after it{instead}; got {' '.join(got)}")
 
 
 def _is_scalar(kind: Any) -> bool:

@@ -20,7 +20,7 @@ from PIL import Image
 from spgf_torch.drawing.grasp_content import eyes, page_content
 from spgf_torch.drawing.grasp_picture import scene_picture
 from spgf_torch.drawing.grasp_scene import Beside, Scene, Told, scene_of
-from spgf_torch.drawing.grasp_table import direction
+from spgf_torch.drawing.grasp_table import direction, opened
 from spgf_torch.drawing.page import drawn, png, table
 from spgf_torch.drawing.style import SUCCESS_SCALE
 from spgf_torch.files.writing import write_bytes, write_text
@@ -158,7 +158,8 @@ def _table(scene: Scene) -> str:
         ]
         for rank, grasp in enumerate(scene.grasps, start=1)
     ]
-    return table(("rank", "type", *target, "prob. (%)", *reasons, *place), rows, 2)
+    types = f'<p class="soft">{html.escape(opened(scene.grasps))}</p>'
+    return table(("rank", "type", *target, "prob. (%)", *reasons, *place), rows, 2) + types
 
 
 def _notes(told: Told) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from rich import box
@@ -18,7 +19,7 @@ def grasp_table(grasps: Sequence[Grasp], names: Sequence[str] | None = None, tar
     ranked, no votes and no prototypes. `names`: a word for each prototype.
     """
     voted = not any(grasp.judged for grasp in grasps)
-    where = "TCP position and approach in the input's frame"
+    where = f"{opened(grasps)}; TCP position and approach in the input's frame"
     table = Table(
         title="Ranked grasps",
         caption=f"{where}; prototypes with their share of the votes" if voted else where,
@@ -42,6 +43,13 @@ def grasp_table(grasps: Sequence[Grasp], names: Sequence[str] | None = None, tar
             *([str(grasp.target)] if targets else []),
         )
     return table
+
+
+def opened(grasps: Sequence[Grasp]) -> str:
+    """What the grasp types are, in a line: how far the hand is open before it closes, where that is known."""
+    widths = {grasp.type: grasp.width for grasp in grasps}
+    words = [name if math.isnan(width) else f"{name} {1000 * width:.3g} mm" for name, width in sorted(widths.items())]
+    return f"type: how far the hand is open before it closes, {', '.join(words)}"
 
 
 def direction(grasp: Grasp) -> str:

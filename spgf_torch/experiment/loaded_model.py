@@ -21,7 +21,7 @@ from spgf_torch.experiment.labelled_grasps import open_hand
 from spgf_torch.features.config import FeatureConfig
 from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.hand import load_hand
-from spgf_torch.paths import find
+from spgf_torch.paths import find, root
 from spgf_torch.proposing.config import ProposingConfig
 from spgf_torch.proposing.propose import Proposer
 from spgf_torch.prototypes.kmeans import assign
@@ -58,11 +58,12 @@ def loaded_model(model: GraspModel, config: EvaluateConfig) -> LoadedModel:
     Raises InputError where the model was learned with another hand: its grasps would mean something else.
     """
     if not _same_hand(model.settings["hand"], config.hand):
-        learned = model.settings["hand"]["name"]
-        got = f"one of {learned}" if learned != config.hand.name else "one of another URDF or description of it"
+        learned, same = model.settings["hand"]["name"], model.settings["hand"]["name"] == config.hand.name
+        got = "one of another URDF or description of it" if same else f"one of {learned}"
+        shipped = (root() / f"conf/hand/{learned}.yaml").is_file() and not same
         raise InputError(
             f"{config.model}: expected a model learned with this hand ({config.hand.name}), got {got}; give the "
-            "model's own: hand=NAME, or hand=FILE.yaml"
+            f"model's own: hand={learned if shipped else 'FILE.yaml, its description'}"
         )
     affordance = typed(AffordanceConfig, model.settings["affordance"])
     features = typed(FeatureConfig, model.settings["features"])

@@ -73,6 +73,8 @@ def model_folder(given: str | Path | None, key: str = "model") -> Path:
             f"{key}: expected hand=NAME for a shipped model ({', '.join(_shipped())}), {key}=NAME or {key}=FOLDER, "
             f"or {key}={LATEST} for what train did last; got none"
         )
+    if not isinstance(given, str | Path):
+        raise InputError(f"{key}: expected the name of a model or a folder, got {given!r:.40}")
     if given == LATEST:
         return find(TRAINED)
     folder, word = find(given), str(given)

@@ -143,24 +143,26 @@ class Grasps(Sequence[Grasp]):
             return None
         return {**self.judge, "nothing_sure": not self.grasps or self.grasps[0].probability < self.judge["sure"]}
 
-    def save(self, folder: str | Path, formats: str | Sequence[str] | None = None) -> list[Path]:
+    def save(self, folder: str | Path, formats: str | Sequence[str] | None = None, replace: bool = False) -> list[Path]:
         """Write them as files that other programs read.
 
         Args:
-            folder: made if need be; files of these names in it are replaced.
+            folder: made if need be.
             formats: one or some of json (`grasps.json`), isaac (`isaac_grasp.yaml`), moveit (`moveit_grasps.json`),
                 graspnet (`graspnet.npy` and its joints: grasps of two-finger jaws alone), glb (`grasps.glb`: hands, and
                 the cloud where it is known, for Blender), page (`index.html`, `grasps.png`); None: all but the page.
+            replace: files of these names that are there; nothing else in the folder is touched.
 
         Returns:
             The paths of what was written.
 
         Raises:
-            InputError: an unknown format, a folder that is a file, a page of grasps without their scene.
+            InputError: an unknown format, a folder that is a file, files that are there and not `replace`, a page of
+                grasps without their scene. Nothing is written then.
         """
         from spgf_torch.grasps.saving import left_out, save
 
-        written = save(self, folder, formats)
+        written = save(self, folder, formats, replace)
         if (left := left_out(self)) and any(path.name == "graspnet.npy" for path in written):
             warnings.warn(left, stacklevel=2)
         return written

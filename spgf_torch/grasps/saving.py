@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from spgf_torch.errors import InputError
+from spgf_torch.paths import path_of
 
 if TYPE_CHECKING:
     from spgf_torch.grasps.grasps import Grasps
     from spgf_torch.hands.records import Grasp
 
 
-def save(grasps: Grasps, folder: str | Path, formats: str | Sequence[str] | None = None) -> list[Path]:
+def save(
+    grasps: Grasps, folder: str | Path, formats: str | Sequence[str] | None = None, replace: bool = False
+) -> list[Path]:
     """Write the formats into a folder, and return the paths; see `Grasps.save`."""
     wanted = chosen(formats)
     if PAGE in wanted:
@@ -22,7 +25,12 @@ def save(grasps: Grasps, folder: str | Path, formats: str | Sequence[str] | None
             raise InputError("formats: expected grasps that a model predicted for a page, got some without their scene")
         if not len(grasps.source.scene.texlets):
             raise InputError("formats: expected a scene that shows something for a page, got one without texlets")
-    place = Path(folder).expanduser()
+    place = path_of("folder", folder)
+    there = [name for each in wanted for name in NAMES[each] if (place / name).exists()]
+    if there and not replace:
+        raise InputError(
+            f"folder: expected one without {there[0]}, got {place}, which has it; replace=True replaces it"
+        )
     try:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -34,6 +42,8 @@ def chosen(formats: str | Sequence[str] | None) -> list[str]:
     """The formats that are meant, each once. Raises InputError for an unknown one, and names the nearest."""
     if formats is None:
         return list(FILES)
+    if not isinstance(formats, Iterable):
+        raise InputError(f"formats: expected some of {', '.join(_WRITERS)}; got {formats!r:.40}")
     names = [formats] if isinstance(formats, str) else list(formats)
     for name in names:
         if name not in _WRITERS:
@@ -60,7 +70,7 @@ def _jaws(grasps: Grasps) -> list[Grasp]:
 def _json(grasps: Grasps, folder: Path) -> list[Path]:
     from spgf_torch.formats.grasps_json import write_grasps
 
-    path = folder / "grasps.json"
+    path = folder / NAMES["json"][0]
     write_grasps(path, grasps, grasps.grippers, grasps.judge_said(), grasps.model, grasps.notes)
     return [path]
 
@@ -68,7 +78,7 @@ def _json(grasps: Grasps, folder: Path) -> list[Path]:
 def _isaac(grasps: Grasps, folder: Path) -> list[Path]:
     from spgf_torch.formats.isaac import write_isaac
 
-    path = folder / "isaac_grasp.yaml"
+    path = folder / NAMES["isaac"][0]
     write_isaac(path, grasps, grasps.grippers)
     return [path]
 
@@ -76,7 +86,7 @@ def _isaac(grasps: Grasps, folder: Path) -> list[Path]:
 def _moveit(grasps: Grasps, folder: Path) -> list[Path]:
     from spgf_torch.ros.grasps import write_moveit
 
-    path = folder / "moveit_grasps.json"
+    path = folder / NAMES["moveit"][0]
     write_moveit(path, grasps, grasps.grippers)
     return [path]
 
@@ -84,7 +94,7 @@ def _moveit(grasps: Grasps, folder: Path) -> list[Path]:
 def _graspnet(grasps: Grasps, folder: Path) -> list[Path]:
     from spgf_torch.formats.graspnet import joints_path, write_graspnet
 
-    path = folder / "graspnet.npy"
+    path = folder / NAMES["graspnet"][0]
     write_graspnet(path, _jaws(grasps), grasps.grippers)
     return [path, joints_path(path)]
 
@@ -92,7 +102,7 @@ def _graspnet(grasps: Grasps, folder: Path) -> list[Path]:
 def _glb(grasps: Grasps, folder: Path) -> list[Path]:
     from spgf_torch.formats.glb import Surroundings, write_glb
 
-    path, beside = folder / "grasps.glb", None
+    path, beside = folder / NAMES["glb"][0], None
     if (source := grasps.source) is not None:
         scene, T = source.scene, source.T_grasps_scene
         seen = (scene.texlets.positions, scene.texlets.normals, scene.obstacles)
@@ -110,6 +120,15 @@ def _page(grasps: Grasps, folder: Path) -> list[Path]:
 
 
 PAGE = "page"
+# What each format is called in the folder.
+NAMES = {
+    "json": ("grasps.json",),
+    "isaac": ("isaac_grasp.yaml",),
+    "moveit": ("moveit_grasps.json",),
+    "graspnet": ("graspnet.npy", "graspnet.joints.json"),
+    "glb": ("grasps.glb",),
+    PAGE: ("index.html", "grasps.png"),
+}
 _WRITERS: dict[str, Callable[[Grasps, Path], list[Path]]] = {
     "json": _json,
     "isaac": _isaac,

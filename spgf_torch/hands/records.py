@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Grasp", "Gripper", "Voters", "gripper_for", "grippers_of", "make_grasp"]
 
+RESIDUE = 1e-7  # rad or m of a joint: no hand can tell less from 0
 # Keys of what a judge says: the probability that the open hand collides with nothing, and that it then holds.
 _FACTORS = ("free", "holds")
 
@@ -221,8 +222,8 @@ def grippers_of(hand: Hand) -> dict[str, Gripper]:
             type=grasp_type,
             base_link=hand.base_link,
             T_base_tcp=preshape.T_base_tcp,
-            joints=dict(preshape.joints),
-            closed=dict(preshape.closed),
+            joints=_without_residues(preshape.joints),
+            closed=_without_residues(preshape.closed),
             active=tuple(name for name in preshape.joints if name not in mimics),
             width=preshape.opening,
             depth=max(front, 0.0),
@@ -232,6 +233,11 @@ def grippers_of(hand: Hand) -> dict[str, Gripper]:
             shapes=preshape.shapes,
         )
     return grippers
+
+
+def _without_residues(joints: Mapping[str, float]) -> dict[str, float]:
+    """Joint values in which what a search for the opening left over is 0; others to the last digit, within limits."""
+    return {name: 0.0 if abs(value) < RESIDUE else value for name, value in joints.items()}
 
 
 def make_grasp(

@@ -19,7 +19,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import compiled, lean
 from spgf_torch.geometry.se3 import from_rotation
 
 # rad; curvatures this close are equal: well above float32 rounding (1e-6), well below the noise of a normal (0.05).
@@ -114,7 +114,7 @@ def _highest_curvature(rings: np.ndarray, nearer: np.ndarray, start: np.ndarray)
             start[row] = _widest_run(length, rings[row], nearer)
 
 
-@compiled
+@lean
 def _run_lengths(tied: np.ndarray, length: np.ndarray) -> None:
     """At the first cell of each run of True around the ring its length, elsewhere 0.
 
@@ -131,7 +131,7 @@ def _run_lengths(tied: np.ndarray, length: np.ndarray) -> None:
                 length[first] += 1
 
 
-@compiled
+@lean
 def _widest_run(length: np.ndarray, ring: np.ndarray, nearer: np.ndarray) -> int:
     """The centre of the widest run; of equal ones that of the highest content, of these the first."""
     cells = len(length)
@@ -151,7 +151,7 @@ def _widest_run(length: np.ndarray, ring: np.ndarray, nearer: np.ndarray) -> int
     return centre
 
 
-@compiled
+@lean
 def _content_after(ring: np.ndarray, start: int, nearer: np.ndarray) -> float:
     """What follows the cell going round, near cells most."""
     cells = len(nearer)
@@ -162,7 +162,7 @@ def _content_after(ring: np.ndarray, start: int, nearer: np.ndarray) -> float:
     return total
 
 
-@compiled
+@lean
 def _start_at(rings: np.ndarray, start: np.ndarray, rows: np.ndarray, aligned: np.ndarray) -> None:
     cells = rings.shape[2]
     for i in range(len(rings)):
@@ -173,7 +173,7 @@ def _start_at(rings: np.ndarray, start: np.ndarray, rows: np.ndarray, aligned: n
                 cell = cell + 1 if cell + 1 < cells else 0
 
 
-@compiled
+@lean
 def _aligned_poses(
     frames: np.ndarray, start: np.ndarray, cos: np.ndarray, sin: np.ndarray, positions: np.ndarray, T: np.ndarray
 ) -> None:

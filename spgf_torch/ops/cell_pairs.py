@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import compiled, lean
 from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.ops.registration import operator, unknown_size
 from spgf_torch.ops.relative_cells import Features, Grasps, Grid, cells_from, pair_cells, scratch_for
@@ -57,7 +57,7 @@ def _shapes(T_object_feature: Tensor, T_object_grasp: Tensor, lattice: list[floa
     return feature, grasp, cell
 
 
-@compiled
+@lean
 def _count(features: Features, grasps: Grasps, grid: Grid, counts: np.ndarray) -> None:
     """Out: counts (F,) int64 of the grasps within reach of each feature."""
     T, position, reach = features.T, grasps.position, grid.reach

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import lean
 from spgf_torch.ops.registration import memory, operator
 
 
@@ -38,7 +38,7 @@ def _shapes(points: Tensor, distance: Tensor, count: int) -> Tensor:
     return points.new_empty(count, dtype=torch.int64)
 
 
-@compiled
+@lean
 def _farthest_first(points: np.ndarray, distance: np.ndarray, order: np.ndarray) -> None:
     """Out: order. Scratch: distance, to the points so far."""
     for k in range(len(order)):

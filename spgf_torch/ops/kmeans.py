@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import lean
 from spgf_torch.ops.assignment import chunks, relative_distances
 from spgf_torch.ops.registration import operator
 
@@ -79,7 +79,7 @@ def flat(points: Tensor) -> tuple[Floats, int]:
     return points.as_strided(((len(points) - 1) * step + points.shape[1],), (1,)).numpy(), step
 
 
-@compiled
+@lean
 def add_members(points: Floats, step: int, ids: Ids, sums: Doubles, counts: Ids) -> None:
     """In and out: sums (K, D) and counts (K,), to which the points (`flat`) of the clusters ids (N,) are added."""
     for i in range(len(ids)):
@@ -89,7 +89,7 @@ def add_members(points: Floats, step: int, ids: Ids, sums: Doubles, counts: Ids)
             sums[own, j] += row[j]
 
 
-@compiled
+@lean
 def add_nearest(relative: Floats, points: Floats, step: int, ids: Ids, sums: Doubles, counts: Ids) -> None:
     """Out: ids (N,), the column of the least of `relative` (N, K). In and out: as `add_members`."""
     N, K = relative.shape

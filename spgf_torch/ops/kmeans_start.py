@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import compiled, lean
 from spgf_torch.ops.kmeans import Doubles, Floats, Ids
 from spgf_torch.ops.registration import memory, operator
 
@@ -218,7 +218,7 @@ def _plusplus(columns: Floats, points: Floats, weights: Floats, draws: Doubles, 
             share[:] = best
 
 
-@compiled
+@lean
 def _drawn(share: Floats, height: float) -> int:
     """The point at this height, where points are as high as their share (N,) and lie on each other."""
     chosen = -1
@@ -228,7 +228,7 @@ def _drawn(share: Floats, height: float) -> int:
     return chosen
 
 
-@compiled
+@lean
 def _try(columns: Floats, place: Floats, weights: Floats, share: Floats, alone: bool, tried: Floats) -> float:
     """The error with one more centre at `place` (D,), the first or not. Out: tried (N,), each point's part of it."""
     tried[:] = 0

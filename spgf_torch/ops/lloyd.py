@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import compiled, lean
 from spgf_torch.ops.assignment import chunks, relative_distances
 from spgf_torch.ops.kmeans import Doubles, Floats, Ids, add_nearest, flat, lloyd_step
 from spgf_torch.ops.registration import operator
@@ -145,7 +145,7 @@ class _Nearest:
         _bound(relative, self.norms, self.moved, which, self.bounds)
 
 
-@compiled
+@lean
 def _bound(relative: Floats, norms: Floats, moved: Floats, which: Ids, bounds: Bounds) -> None:
     """In and out: bounds of the points `which` (n,), from relative (n, K) squared distances less norms (N,)."""
     upper, other, lower, ids = bounds
@@ -186,7 +186,7 @@ def _doubtful(movement: Movement, bounds: Bounds, which: Ids) -> int:
     return count
 
 
-@compiled
+@lean
 def _reassign(relative: Floats, points: Floats, which: Ids, ids: Ids, sums: Doubles, counts: Ids) -> None:
     """In and out: ids, sums, counts. The points `which` (n,) go to the least of `relative` (n, K), if it is another."""
     for row in range(len(which)):

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import compiled, lean
 from spgf_torch.ops.registration import memory, operator
 from spgf_torch.threads import in_parts
 
@@ -94,7 +94,7 @@ def _find(
         search(start, points, row, cell[part], left[: len(row)], point[part])
 
 
-@compiled
+@lean
 def search(
     start: np.ndarray, points: np.ndarray, row: np.ndarray, cell: np.ndarray, left: np.ndarray, low: np.ndarray
 ) -> None:

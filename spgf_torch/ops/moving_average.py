@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import compiled, lean
 
 # What a gap is encoded as: (alpha1, alpha2) of the top and of the bottom layer.
 GAPS = {
@@ -100,7 +100,7 @@ def _averaged(
             rings[i, 0, cell, 1] = min(rings[i, 0, cell, 1], math.pi / 2)
 
 
-@compiled
+@lean
 def _spread(grid: np.ndarray, soft: bool, behind: int, values: np.ndarray) -> bool:
     """Out: values (3 row,), what each cell counts, and that times its alphas, of a layer (3, cells); false of none."""
     cells, row, one = grid.shape[1], len(values) // 3, grid.dtype.type(1)
@@ -118,7 +118,7 @@ def _spread(grid: np.ndarray, soft: bool, behind: int, values: np.ndarray) -> bo
     return found
 
 
-@compiled
+@lean
 def _add_weighted(values: np.ndarray, behind: int, window: Window, sums: np.ndarray) -> None:
     """In and out: sums. All three rows at once; what lies between two rows is not looked at."""
     for step in range(0, len(window[0]), 4):  # four at once: a quarter of the traffic
@@ -130,7 +130,7 @@ def _add_weighted(values: np.ndarray, behind: int, window: Window, sums: np.ndar
             sums[k] += (e * a[k] + f * b[k]) + (g * c[k] + h * d[k])
 
 
-@compiled
+@lean
 def _divide(sums: np.ndarray, row: int, gap: np.ndarray, ring: np.ndarray) -> None:
     """Out: ring (cells, 2), the means of a layer; a gap where nothing was added up."""
     alpha1, alpha2, one = sums[row:], sums[2 * row :], sums.dtype.type(1)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import compiled, lean
 
 
 class Populated(NamedTuple):
@@ -54,14 +54,14 @@ class Table(NamedTuple):
     own: np.ndarray
 
 
-@compiled
+@lean
 def outcomes(partition: np.ndarray, success: np.ndarray, counts: np.ndarray) -> None:
     """In and out: counts (S, 2) int64, to which the failures and successes in each partition are added."""
     for i in range(len(partition)):
         counts[partition[i], int(success[i])] += 1
 
 
-@compiled
+@lean
 def into_partitions(
     partition: np.ndarray, cell: np.ndarray, success: np.ndarray, at: np.ndarray, key: np.ndarray
 ) -> None:
@@ -72,7 +72,7 @@ def into_partitions(
         at[s] += 1
 
 
-@compiled
+@lean
 def populated(key: np.ndarray, voxels: int, start: np.ndarray, voxel: np.ndarray, counts: np.ndarray) -> None:
     """Out: `Populated` from the sorted keys (N,) of a partition; start and counts hold 0 before."""
     i, n, last = 0, -1, np.int64(-1)
@@ -114,7 +114,7 @@ def weigh(cells: Populated, near: Near, asked: Asked, voxels: int, found: np.nda
             _clear(cells, source, near, table)
 
 
-@compiled
+@lean
 def _splat(cells: Populated, source: int, near: Near, table: Table) -> None:
     """In and out: table, 0 before, to which the particles of the rotation are added."""
     offset, weight, around, own = near.offset, near.weight, table.near, table.own
@@ -127,7 +127,7 @@ def _splat(cells: Populated, source: int, near: Near, table: Table) -> None:
             around[v, 0], around[v, 1] = successes, particles
 
 
-@compiled
+@lean
 def _clear(cells: Populated, source: int, near: Near, table: Table) -> None:
     """In and out: table, 0 where the particles of the rotation had been added."""
     for i in range(cells.start[source], cells.start[source + 1]):
@@ -138,7 +138,7 @@ def _clear(cells: Populated, source: int, near: Near, table: Table) -> None:
             table.near[v, 0], table.near[v, 1] = 0.0, 0.0
 
 
-@compiled
+@lean
 def _gather(asked: Asked, near: Near, source: int, table: Table, found: np.ndarray) -> None:
     """In and out: found, to which the source's table is added for cells that ask in the rotations near it."""
     around, own = table.near, table.own
@@ -154,7 +154,7 @@ def _gather(asked: Asked, near: Near, source: int, table: Table, found: np.ndarr
                 found[q, 2] = own[v]
 
 
-@compiled
+@lean
 def hand_back(found: np.ndarray, place: np.ndarray, counts: np.ndarray) -> None:
     """Out: the rows `place` (Q,) of counts, from the rows found (Q, 3) of populated cells."""
     for q in range(len(place)):

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import compiled, lean
 
 Array = TypeVar("Array", np.ndarray, Tensor)
 
@@ -145,7 +145,7 @@ def _squared_length(vectors: Tensor) -> Tensor:
     return x * x + y * y + z * z
 
 
-@compiled
+@lean
 def _gather(
     start: np.ndarray,
     neighbour: np.ndarray,
@@ -192,7 +192,7 @@ def _cross(a: np.ndarray, b: np.ndarray) -> tuple[float, float, float]:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@compiled
+@lean
 def _sides(
     start: np.ndarray,
     step: np.ndarray,

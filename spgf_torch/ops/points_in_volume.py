@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import lean
 from spgf_torch.ops.registration import memory, operator
 from spgf_torch.threads import in_parts
 
@@ -38,10 +38,17 @@ def points_in_volume(points: Tensor, T_object_tcp: Tensor, planes: Tensor, end: 
             within &= (local[i] >= bounds[0, i]) & (local[i] <= bounds[1, i])
         grasp, point = within.nonzero(as_tuple=True)
         x, y, z = (along[grasp, point] for along in local)
-        for first, last in zip([0, *end], end, strict=False):
-            nx, ny, nz, offset = planes[first:last].unsqueeze(2).unbind(1)
-            hit[start + grasp[(nx * x + ny * y + nz * z <= offset).all(0)]] = True
+        hit[start + grasp[in_a_piece(x, y, z, planes, end)]] = True
     return hit
+
+
+def in_a_piece(x: Tensor, y: Tensor, z: Tensor, planes: Tensor, end: list[int]) -> Tensor:
+    """(n,) bool: points x, y, z (n,) f64 in the TCP's frame are within a piece, by torch's operations."""
+    within = torch.zeros_like(x, dtype=torch.bool)
+    for first, last in zip([0, *end], end, strict=False):
+        nx, ny, nz, offset = planes[first:last].unsqueeze(2).unbind(1)
+        within |= (nx * x + ny * y + nz * z <= offset).all(0)
+    return within
 
 
 @points_in_volume.on_cpu
@@ -63,7 +70,7 @@ def _shapes(points: Tensor, T_object_tcp: Tensor, planes: Tensor, end: list[int]
     return T_object_tcp.new_empty(T_object_tcp.shape[0], dtype=torch.bool)
 
 
-@compiled
+@lean
 def _hold(
     points: np.ndarray, T: np.ndarray, bounds: np.ndarray, planes: np.ndarray, end: np.ndarray, hit: np.ndarray
 ) -> None:
@@ -83,7 +90,7 @@ def _hold(
                 break
 
 
-@compiled
+@lean
 def _within_a_piece(x: float, y: float, z: float, planes: np.ndarray, end: np.ndarray) -> bool:
     first = 0
     for last in end:

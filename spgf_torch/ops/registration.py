@@ -16,7 +16,6 @@ low level are used: they cost some 10 us a call, `torch.library.custom_op` twice
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import Any, Generic, ParamSpec, TypeVar
 
@@ -24,7 +23,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.errors import InputError
+from spgf_torch.compiled import loops_wanted
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -32,20 +31,7 @@ R = TypeVar("R")
 # Every operator by its name.
 OPERATORS: dict[str, Operator[..., Any]] = {}
 
-SWITCH = "SPGF_OPS"
-
 _LIBRARY = torch.library.Library("spgf_torch", "DEF")
-
-
-def compiled_wanted() -> bool:
-    """Whether compiled loops are used where there are any. Raises InputError for a value of SPGF_OPS that says nothing.
-
-    It is read when operators are defined: once in a process.
-    """
-    wanted = os.environ.get(SWITCH, "compiled")
-    if wanted not in ("compiled", "torch"):
-        raise InputError(f"{SWITCH}: expected compiled or torch in the environment, got {wanted!r:.40}")
-    return wanted == "compiled"
 
 
 class Operator(Generic[P, R]):
@@ -75,7 +61,7 @@ class Operator(Generic[P, R]):
     def on_cpu(self, in_loops: Callable[P, R]) -> Callable[P, R]:
         """Use compiled loops for CPU tensors."""
         self.in_loops = in_loops
-        if compiled_wanted():
+        if loops_wanted():
             _LIBRARY.impl(self.name, in_loops, "CPU")
         return in_loops
 

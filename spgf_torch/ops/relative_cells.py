@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import compiled, lean
 from spgf_torch.geometry import se3
 from spgf_torch.geometry.se3_grid import SE3Grid
 from spgf_torch.ops.registration import memory
@@ -109,7 +109,7 @@ def scratch_for(size: int) -> Scratch:
     return np.empty(size), np.empty(size), np.empty(size), np.empty(size), np.empty(size)
 
 
-@compiled
+@lean
 def cells_from(features: Features, i: int, grasps: Grasps, grid: Grid, scratch: Scratch, cell: np.ndarray) -> None:
     """Out: cell (G,) int32, `SE3Grid.index` of inverse(features[i]) @ each grasp; -1 beyond reach.
 
@@ -125,7 +125,7 @@ def cells_from(features: Features, i: int, grasps: Grasps, grid: Grid, scratch: 
         cell[j] = np.int32(rotation[j] * voxels + place[j]) if place[j] >= 0 else np.int32(-1)
 
 
-@compiled
+@lean
 def _place(T: np.ndarray, i: int, position: np.ndarray, grid: Grid, place: np.ndarray) -> None:
     """Out: place (G,) f64, `SE3Grid.voxel_index` of each position (3, G) in the frame of T[i]; -1 beyond reach."""
     r00, r01, r02, r10, r11, r12 = T[i, 0, 0], T[i, 0, 1], T[i, 0, 2], T[i, 1, 0], T[i, 1, 1], T[i, 1, 2]
@@ -139,7 +139,7 @@ def _place(T: np.ndarray, i: int, position: np.ndarray, grid: Grid, place: np.nd
         place[j] = (u * side + v) * side + w if x * x + y * y + z * z <= reach * reach else -1.0
 
 
-@compiled
+@lean
 def _turn(
     feature: np.ndarray,
     i: int,
@@ -169,7 +169,7 @@ def _turn(
         third[j] = (q3 if is0 or is1 or is2 else q2) * scale
 
 
-@compiled
+@lean
 def _add_digit(ratio: np.ndarray, edges: np.ndarray, rotation: np.ndarray) -> None:
     """In and out: rotation (G,) gets one more digit: how many edges are no greater than each ratio (G,)."""
     for j in range(len(ratio)):

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.compiled import lean
 from spgf_torch.ops.moving_average import averaged, averaged_in_torch
 from spgf_torch.ops.pairwise_relations import SINGULAR
 
@@ -79,7 +79,7 @@ def organised_in_torch(start: Tensor, angles: Tensor, ring: Ring, soft: bool) ->
     return torch.segment_reduce(values, "sum", lengths=counts, axis=0, unsafe=True).view(N, 2, cells, 3).mT
 
 
-@compiled
+@lean
 def _organise(start: np.ndarray, angles: np.ndarray, layers: int, soft: bool, grid: np.ndarray) -> None:
     """In and out: grid (N, 2, 3, cells), to which the neighbours are added."""
     cells, number = grid.shape[3], grid.dtype.type
@@ -101,7 +101,7 @@ def _organise(start: np.ndarray, angles: np.ndarray, layers: int, soft: bool, gr
                 _add(grid[i, layer], cell, number(1), angles[0, pair], angles[1, pair])
 
 
-@compiled
+@lean
 def _add(layer: np.ndarray, cell: int, weight: float, alpha1: float, alpha2: float) -> None:
     layer[0, cell] += weight
     layer[1, cell] += weight * alpha1

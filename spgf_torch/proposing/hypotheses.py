@@ -20,17 +20,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from spgf_torch.geometry import se3
+from spgf_torch.ops.deepest_free import deepest_free
+from spgf_torch.ops.extents import extents
 from spgf_torch.proposing.clearance import Clearance, Surroundings
 from spgf_torch.proposing.closing_region import ClosingRegion
 from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.hand_geometry import HandGeometry, hand_geometry
-from spgf_torch.proposing.push_loops import Pieces, deepest_free, extents, pieces_of
 from spgf_torch.proposing.sampling import farthest_point_sampling
+from spgf_torch.proposing.volume_cells import with_cells
 from spgf_torch.sensing.texlets import Texlets
 
 # Angles between -tilt and tilt at which an approach is tried, of hands that close along a tangent and along the normal.
@@ -77,12 +78,11 @@ class Search:
         return Search(clearance, config, hand_geometry(clearance.volumes, config))
 
     @cached_property
-    def pieces(self) -> tuple[tuple[Pieces, Pieces, Pieces], ...]:
-        """Of each grasp type, what may not touch texlets, what obstacles, and what hidden places."""
+    def volumes(self) -> tuple[list[Tensor], ...]:
+        """Of each grasp type, what may not touch texlets, what obstacles, and what hidden places (`Volume`)."""
         kinds = self.clearance.swept, self.clearance.swollen, self.clearance.seen
         return tuple(
-            (pieces_of(kinds[0][name]), pieces_of(kinds[1][name]), pieces_of(kinds[2][name]))
-            for name in self.clearance.grasp_types
+            [part for volumes in kinds for part in with_cells(volumes[name])] for name in self.clearance.grasp_types
         )
 
     def hypotheses(self, texlets: Texlets, around: Surroundings) -> Hypotheses:
@@ -150,11 +150,8 @@ class Search:
         if around.table is not None:
             least = self.clearance.least_height(around.table, T, grasp_type, around.retreat)
             possible &= where @ around.table.normal >= least[:, None, None]
-        kept = torch.zeros_like(possible)
-        what = (part.float().T.contiguous().numpy() for part in (positions, around.obstacles, around.hidden))
-        sensed, others, hidden = zip(what, self.pieces[code], strict=True)
-        poses = T.contiguous().numpy(), where.contiguous().numpy(), possible.contiguous().numpy()
-        deepest_free(*poses, self.config.back, (sensed, others, hidden), kept.numpy())
+        points = [part.float() for part in (positions, around.obstacles, around.hidden)]
+        kept = deepest_free(T, where, possible, self.config.back, points, self.volumes[code])
         frame, k, place = kept.nonzero(as_tuple=True)
         return moved(T[frame], depths[k], shift[frame, k, place])
 
@@ -209,13 +206,9 @@ def profile(at: Tensor, depths: Tensor, region: ClosingRegion) -> tuple[Tensor, 
         lowest and highest x (F, D) f32, m along closing from the TCP (infinite of nothing); how many points
         (F, D) int64.
     """
-    low = torch.full((len(at), len(depths)), torch.inf)
-    high = torch.full_like(low, -torch.inf)
-    count = torch.zeros(low.shape, dtype=torch.int64)
-    edges = np.array([region.middle, _BEYOND * region.half, region.height], np.float32)
-    first, last = ((depths.double() + end).float().numpy() for end in (region.low, region.high))
-    extents(at.numpy(), edges, first, last, low.numpy(), high.numpy(), count.numpy())
-    return low, high, count
+    edges = torch.tensor([region.middle, _BEYOND * region.half, region.height])
+    first, last = ((depths.double() + end).float() for end in (region.low, region.high))
+    return extents(at, edges, first, last)
 
 
 def places(

@@ -28,13 +28,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import Tensor
 
+from spgf_torch.ops.nearest_piece import Blocks, nearest_piece
+from spgf_torch.ops.pad_numbers import pad_numbers
 from spgf_torch.proposing.bodies import body_at
 from spgf_torch.proposing.hand_geometry import HandGeometry
-from spgf_torch.proposing.hand_loops import nearest_piece, pad_numbers
 from spgf_torch.proposing.hypotheses import Hypotheses, Search, local, parts
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.sensing.unseen import DepthView, behind_at, mean_direction
@@ -57,6 +57,8 @@ UNSEEN = (
 NAMES = (*GEOMETRY, *UNSEEN)
 # Cosine from which on a normal faces a pad.
 _FACING = 0.5
+# m; side of the blocks of points that are near a hand together, or far from it.
+_BLOCK = 0.02
 # m; depth behind the surface counts up to here.
 _DEEPEST = 0.1
 
@@ -84,14 +86,14 @@ class Seen:
 def judge_features(seen: Seen, hypotheses: Hypotheses, search: Search) -> Tensor:
     """(H, 31) f32, the numbers `NAMES` of each hypothesis."""
     positions, normals = seen.texlets.positions.float().cpu(), seen.texlets.normals.float().cpu()
-    numbers = torch.zeros(len(hypotheses), len(NAMES))
+    numbers, blocks = torch.zeros(len(hypotheses), len(NAMES)), Blocks.of(positions, _BLOCK)
     for code, hand in enumerate(search.hands):
         of_type = (hypotheses.grasp_type == code).nonzero()[:, 0]
         for part in parts(of_type, len(positions)):
             T = hypotheses.T[part]
             at = local(T, positions)
             numbers[part, 0] = code
-            numbers[part, 1] = margin(at, hand, hand.config.margin)
+            numbers[part, 1] = margin(at, hand, hand.config.margin, blocks)
             cosine = (T[:, :3, 0] @ normals.T).view(len(T), len(normals))
             numbers[part, 2 : 3 + len(PADS)] = between_pads(at, cosine, hand)
             numbers[part, 3 + len(PADS) : len(GEOMETRY)] = bodies(at, T, seen, hand)
@@ -114,15 +116,12 @@ def in_images(seen: Seen, hypotheses: Hypotheses, search: Search) -> Tensor:
     return shown
 
 
-def margin(at: Tensor, hand: HandGeometry, most: float) -> Tensor:
+def margin(at: Tensor, hand: HandGeometry, most: float, blocks: Blocks) -> Tensor:
     """(G,) least signed distance of the hand's pieces to points at (G, 3, N), m: negative inside; at most `most`.
 
     The distance to a piece is that to the plane of its farthest face, which near an edge is less than the true one.
     """
-    normals, offsets = hand.planes
-    least = torch.full((len(at),), most)
-    nearest_piece(at.numpy(), normals.numpy(), offsets.numpy(), least.numpy())
-    return least
+    return nearest_piece(at, *hand.planes, most, blocks)
 
 
 def between_pads(at: Tensor, cosine: Tensor, hand: HandGeometry) -> Tensor:
@@ -132,10 +131,7 @@ def between_pads(at: Tensor, cosine: Tensor, hand: HandGeometry) -> Tensor:
         (region.half, region.height, region.low, region.high, region.middle),
         math.cos(math.atan(config.friction)),
     )
-    limits = np.array([*box, config.near_fingers, config.pad_depth, edge, _FACING], np.float32)
-    numbers = torch.empty(len(at), len(PADS) + 1)
-    pad_numbers(at.numpy(), cosine.numpy(), limits, numbers.numpy())
-    return numbers
+    return pad_numbers(at, cosine, torch.tensor([*box, config.near_fingers, config.pad_depth, edge, _FACING]))
 
 
 def bodies(at: Tensor, T: Tensor, seen: Seen, hand: HandGeometry) -> Tensor:

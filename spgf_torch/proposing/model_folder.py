@@ -26,6 +26,9 @@ from spgf_torch.proposing.judge import ARRAYS, Judge, save_judge
 CARD = "README.md"
 SHOWN = 8  # digits of a digest in words
 _HEADER = re.compile(r"\A---\n.*?\n---\n", re.DOTALL)
+# What `_card` says before what is told of votes and judge.
+_LOAD = 'model = spgf_torch.Predictor.from_pretrained("THIS_FOLDER")'
+_OWN = re.compile(rf"\A\s*# [^\n]*.*?{re.escape(_LOAD)}\n```\s*", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,8 @@ def write_model(
         if judge is not None:
             save_judge(judge, part)
         carry(hand, part)
-        write_text(part / CARD, _card(_identities(part, model, judge), hand, small if model else None, cards))
+        said = _card(place.name, _identities(part, model, judge), hand, small if model else None, cards)
+        write_text(part / CARD, said)
         size = sum(file.stat().st_size for file in part.rglob("*") if file.is_file())
         if place.is_dir():
             old = part.with_suffix(".old")
@@ -110,10 +114,18 @@ def _without_paths(model: GraspModel) -> GraspModel:
 
 
 def body(folder: Path | None) -> str:
-    """The card in a folder without its header, headings one level down; empty where there is none."""
+    """What the cards in a folder tell of votes and judge, headings one down; empty where there is none.
+
+    Of a card that `write_model` made that is what follows its own words, which the next card has anew.
+    """
     names = () if folder is None else (CARD, "JUDGE.md")
     texts = [(folder / name).read_text(encoding="utf-8") for name in names if folder and (folder / name).is_file()]
-    return "\n".join(re.sub(r"^#", "##", _HEADER.sub("", text), flags=re.MULTILINE) for text in texts)
+    return "\n".join(_told(_HEADER.sub("", text)) for text in texts)
+
+
+def _told(text: str) -> str:
+    told, made = _OWN.subn("", text)
+    return told if made else re.sub(r"^#", "##", text, flags=re.MULTILINE)
 
 
 def _identities(folder: Path, model: GraspModel | None, judge: Judge | None) -> dict[str, Identity]:
@@ -126,16 +138,16 @@ def _identities(folder: Path, model: GraspModel | None, judge: Judge | None) -> 
     }
 
 
-def _card(parts: Mapping[str, Identity], hand: Hand, small: SmallConfig | None, cards: str) -> str:
+def _card(name: str, parts: Mapping[str, Identity], hand: Hand, small: SmallConfig | None, cards: str) -> str:
     lines = [card_header(hand.config.name, library_name="spgf_torch", pipeline_tag="robotics")]
-    lines += [f"# Grasps of the hand {hand.config.name}", ""]
-    lines += [f"- {name}: {part.words()}." for name, part in parts.items()]
+    lines += [f"# {name}: grasps of the hand {hand.config.name}", ""]
+    lines += [f"- {which}: {part.words()}." for which, part in parts.items()]
     if small is not None:
         lines.append(
             f"- Made small: the best supported points, {small.points:,} at most, {small.probabilities} levels of "
             f"probability and {small.supports} of support; `model.json` says of which model, and how many went."
         )
     lines += [f"- Hand: `hand/`, digest {hand.digest[:SHOWN]}.", ""]
-    lines += ["`python -m spgf_torch.predict input=FILE model=THIS_FOLDER`, or", "", "```python", "import spgf_torch"]
-    lines += ["", 'model = spgf_torch.Predictor.from_pretrained("THIS_FOLDER")', "```", "", cards]
+    lines += [f"`spgf predict FILE --model {name}` by its name, `--model THIS_FOLDER` from anywhere; or"]
+    lines += ["", "```python", "import spgf_torch", "", _LOAD, "```", "", cards]
     return "\n".join(lines).rstrip() + "\n"

@@ -6,20 +6,13 @@ surfaces face each other across a gap. A wider gap is the inside of a container,
 
 from __future__ import annotations
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.ops.facing_gap import facing_gap
 from spgf_torch.proposing.config import NeighboursConfig
 from spgf_torch.proposing.hypotheses import Hypotheses, Search, local, parts
 from spgf_torch.proposing.judge_features import Seen
-
-Floats = NDArray[np.float32]
-
-# Cosine with the closing axis from which on a surface faces along it.
-_FACING = 0.5
 
 
 def one_thing(seen: Seen, hypotheses: Hypotheses, search: Search, config: NeighboursConfig) -> Tensor:
@@ -34,27 +27,6 @@ def one_thing(seen: Seen, hypotheses: Hypotheses, search: Search, config: Neighb
             between = hand.region.holds(*at.unbind(1))
             strange = between & (bodies != seen.body_at(T[:, :3, 3])[:, None])
             share = strange.sum(1) / between.sum(1).clamp(min=1)
-            gap = torch.zeros(len(T))
-            facing = (T[:, :3, 0] @ normals.T).view(len(T), len(normals))
-            facing_gap(at[:, 0].contiguous().numpy(), facing.numpy(), between.numpy(), gap.numpy())
+            gap = facing_gap(at[:, 0], (T[:, :3, 0] @ normals.T).view(len(T), len(normals)), between)
             one[part] = (share <= config.strangers) & ~((gap > config.gap_from) & (gap < config.gap_to))
     return one
-
-
-@compiled
-def facing_gap(x: Floats, facing: Floats, between: NDArray[np.bool_], gap: Floats) -> None:
-    """Out: gap (G,), of points at x (G, N), m, that are between the fingers the widest step to the next facing back.
-
-    facing (G, N): the cosine of their normals with x. A point that faces along x has the nearest behind it, along x,
-    that faces the other way.
-    """
-    for g in range(len(x)):
-        on = np.flatnonzero(between[g])
-        for i in on:
-            if facing[g, i] > _FACING:
-                nearest = np.float32(np.inf)
-                for j in on:
-                    if facing[g, j] < -_FACING and x[g, j] > x[g, i]:
-                        nearest = min(nearest, x[g, j] - x[g, i])
-                if nearest < np.inf:
-                    gap[g] = max(gap[g], nearest)

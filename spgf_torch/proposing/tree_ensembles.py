@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
 from spgf_torch.errors import InputError
+from spgf_torch.ops.leaves import Nodes, leaves
 
 
 @dataclass(frozen=True)
@@ -33,11 +32,8 @@ class Trees:
 
     def log_odds(self, numbers: Tensor) -> Tensor:
         """(G,) f64 for numbers (G, D)."""
-        x = numbers.double().contiguous()
-        values = torch.empty(len(x), len(self.root), dtype=torch.float64)
-        split = self.feature.numpy(), self.threshold.numpy(), self.left.numpy(), self.right.numpy()
-        descend(x.numpy(), self.root.numpy(), *split, self.value.numpy(), values.numpy())
-        return values.sum(1) + self.baseline
+        nodes = Nodes(self.root, self.feature, self.threshold, self.left, self.right, self.value)
+        return leaves(numbers.double(), nodes).sum(1) + self.baseline
 
     def check(self, width: int) -> None:
         """InputError for trees that would read numbers beyond `width`, never end, or hold no numbers."""
@@ -52,26 +48,6 @@ class Trees:
         finite = all(bool(part.isfinite().all()) for part in (self.threshold, self.value, self.baseline))
         if shapes != {count} or self.baseline.shape != (1,) or not (ends and known and finite):
             raise InputError(f"expected trees of nodes in order, got {count} nodes with one out of order or range")
-
-
-@compiled
-def descend(
-    x: np.ndarray,
-    root: np.ndarray,
-    feature: np.ndarray,
-    threshold: np.ndarray,
-    left: np.ndarray,
-    right: np.ndarray,
-    value: np.ndarray,
-    values: np.ndarray,
-) -> None:
-    """Into values (G, T): those of the leaves at which rows x (G, D) end in each tree (`Trees`)."""
-    for tree in range(len(root)):
-        for g in range(len(x)):
-            node = root[tree]
-            while feature[node] >= 0:
-                node = left[node] if x[g, feature[node]] <= threshold[node] else right[node]
-            values[g, tree] = value[node]
 
 
 @dataclass(frozen=True)

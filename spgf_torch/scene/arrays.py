@@ -13,7 +13,7 @@ from spgf_torch.objects.scans import METRES
 from spgf_torch.scene.cloud import Cloud, checked, pixels_of
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.depth import camera_of, check_depth, check_returns
-from spgf_torch.scene.depth_files import DepthFile, counts_array, flat, in_metres
+from spgf_torch.scene.depth_files import DepthFile, counts_array, flat, in_metres, metres_a_count
 from spgf_torch.scene.intrinsics import Intrinsics, checked_K
 from spgf_torch.scene.labels import fitting, label_array, marked, numbered
 from spgf_torch.scene.poses import checked_pose
@@ -105,7 +105,7 @@ def view_of_arrays(
     elif segments is not None:
         what = f"{name}: segments"
         labels = numbered(what, fitting(what, label_array(what, np.asarray(segments)), values.shape, name))
-    return View(values, camera, labels, name, tuple(notes))
+    return View(values, camera, labels, name, tuple(notes), metres_a_count(file, config.depth_scale, config.unit, None))
 
 
 def views_of_arrays(

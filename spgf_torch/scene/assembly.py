@@ -21,7 +21,7 @@ from spgf_torch.scene.meshes import as_cloud, is_mesh, sampled, sensed
 from spgf_torch.scene.normals import neighbourhoods, oriented
 from spgf_torch.scene.observed_space import looked_by_cameras, looked_by_clouds, looked_by_images, looked_by_nobody
 from spgf_torch.scene.parts import Around, scene_of_parts, thinned
-from spgf_torch.scene.planes import height
+from spgf_torch.scene.planes import LargestPlane, height
 from spgf_torch.scene.scene import Scene
 from spgf_torch.scene.sensed import sensed_of
 from spgf_torch.scene.surfaces import stride_of, surfaces
@@ -52,8 +52,9 @@ def read_scene(config: SceneConfig, sensing: SensingConfig, generator: np.random
         raise InputError("input: expected a point cloud, depth image or mesh (input=FILE), got none")
     paths = files_of("input", config.input)
     if any(is_depth(path, config) for path in paths):
+        views = read_views(paths, config)  # first: what is no depth image is told by its name
         _unused(config, "viewpoints", "point clouds")
-        return scene_of_views(read_views(paths, config), config, sensing, generator)
+        return scene_of_views(views, config, sensing, generator)
     for key in ("poses", "stride", "depth_scale"):
         _unused(config, key, "depth images, which need intrinsics")
     meshes = [path for path in paths if is_mesh(path, config)]
@@ -105,7 +106,8 @@ def scene_of_clouds(
     targets, obstacles = _apart(clouds, table, config)
     before_outliers = sum(map(len, targets))
     facing = [oriented(cloud, config, notes) for cloud in targets]
-    why = why_no_grasp(targets, facing, table, config)
+    largest = LargestPlane.of(facing, config)
+    why = why_no_grasp(targets, facing, largest, table)
     for cloud, before in zip(facing, targets, strict=True):
         if before.normals is None and cloud.name in given and why is None:
             check_side(cloud, config, notes)
@@ -117,10 +119,9 @@ def scene_of_clouds(
         )
     notes.append(f"outliers: {dropped} of {before_outliers} points dropped")
     if dropped < before_outliers:
-        kept = np.concatenate([cloud.points for cloud in facing])
-        if neighbourhoods(kept, config.min_neighbours, sensing.spacing)[1] > _SPARSE * sensing.spacing:
+        if neighbourhoods(largest.points, config.min_neighbours, sensing.spacing)[1] > _SPARSE * sensing.spacing:
             sensing = replace(sensing, min_members=1)
-        notes += size_notes(facing, None, config, table is not None)
+        notes += size_notes(largest, None, table is not None)
     looked = looked_by_clouds(clouds, None if table is None else table[:3])
     around = Around(obstacles, table, gravity, viewpoints_of(clouds), looked)
     scene = thinned(facing, around, notes, config, sensing, generator, why)
@@ -168,9 +169,10 @@ def _scene_of_views(
         notes.append(f"warning: {gravity.doubt}")
     table = table_of(clouds, config, generator, gravity, notes)
     targets, obstacles = _apart(clouds, table, config)
-    notes += size_notes(targets, views, config, table is not None)
+    largest = LargestPlane.of(targets, config)
+    notes += size_notes(largest, views, table is not None)
     around = Around(obstacles, table, gravity, viewpoints_of(clouds), looked_by_images(views))
-    why = why_no_grasp(targets, targets, table, config)
+    why = why_no_grasp(targets, targets, largest, table)
     scene = thinned(targets, around, notes, config, sensing, generator, why)
     scene = replace(scene, sensed=sensed_of(clouds, table, config.table_distance, config.voxel))
     return _with_lost(scene, _named([view.labels for view in views]))
@@ -203,9 +205,8 @@ def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, gene
         table = table_of(clouds, config, generator, gravity, notes)
         targets, obstacles = _apart(clouds, table, config)
         around = Around(obstacles, table, gravity, None, looked_by_nobody("a mesh taken whole was not seen by anybody"))
-        return thinned(
-            targets, around, notes, config, sensing, generator, why_no_grasp(targets, targets, table, config)
-        )
+        why = why_no_grasp(targets, targets, LargestPlane.of(targets, config), table)
+        return thinned(targets, around, notes, config, sensing, generator, why)
     texlets, viewpoints, images = sensed(path, config, sensing, generator)
     points, normals = texlets.positions.double().numpy(), texlets.normals.double().numpy()
     if not len(points):
@@ -219,7 +220,8 @@ def _scene_of_mesh(path: Path, config: SceneConfig, sensing: SensingConfig, gene
     assert kept.normals is not None
     parts = {1: Texlets(torch.from_numpy(kept.points).float(), torch.from_numpy(kept.normals).float())}
     around = Around(obstacles, table, gravity, viewpoints, looked_by_cameras(images))
-    return scene_of_parts(parts, around, notes, config, sensing, why_no_grasp(targets, targets, table, config))
+    why = why_no_grasp(targets, targets, LargestPlane.of(targets, config), table)
+    return scene_of_parts(parts, around, notes, config, sensing, why)
 
 
 def _apart(clouds: Sequence[Cloud], table: np.ndarray | None, config: SceneConfig) -> tuple[list[Cloud], np.ndarray]:

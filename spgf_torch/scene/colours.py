@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 # What writers call the three; the last of .npz files, as one array.
-_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
+NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
 ARRAYS = ("colours", "colors", "rgb")
 # The largest value of floats that are shares; above it they are bytes.
 _SHARES = 1.0
@@ -15,7 +15,7 @@ _SHARES = 1.0
 
 def colours_of_columns(columns: Mapping[str, np.ndarray]) -> np.ndarray | None:
     """(N, 3) uint8 of properties or columns with the names of colours; None where there are none."""
-    for names in _NAMES:
+    for names in NAMES:
         if set(names) <= set(columns):
             return colour_bytes(np.stack([columns[name] for name in names], axis=1))
     return None

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.normals import neighbourhoods, on_lines
-from spgf_torch.scene.planes import best_plane, height
+from spgf_torch.scene.planes import LargestPlane, height
 
 # Spread across over spread along all points, beneath which they are a line; that of a pencil is 0.05.
 _THIN = 0.03
@@ -28,12 +28,12 @@ _FLAT = 0.5
 
 
 def why_no_grasp(
-    targets: Sequence[Cloud], facing: Sequence[Cloud], table: np.ndarray | None, config: SceneConfig
+    targets: Sequence[Cloud], facing: Sequence[Cloud], largest: LargestPlane, table: np.ndarray | None
 ) -> str | None:
     """Why there can be no grasp, in words; None where there may be some.
 
     Args:
-        targets: the points of the targets. facing: those of them that have a normal, with it.
+        targets: the points of the targets. facing: those of them that have a normal, with it. largest: their plane.
         table: (4,); a plane that is known to stand above it is the top of something. None: not known.
     """
     points = np.concatenate([cloud.points for cloud in targets])
@@ -41,14 +41,13 @@ def why_no_grasp(
     if spread[1] <= _THIN * spread[0]:
         return "the points lie on one line, which shows no surface"
     bare = [cloud for cloud in targets if cloud.normals is None]
-    if bare and _on_lines(bare, config) > _LINES:
+    if bare and _on_lines(bare, largest.config) > _LINES:
         return (
             "the points lie along lines, as a sparse scanner's, which show no surface; a denser cloud, or a larger "
             "voxel and normal_radius?"
         )
-    kept = np.concatenate([cloud.points for cloud in facing])
     normals = np.concatenate([cloud.normals for cloud in facing if cloud.normals is not None])
-    if table is None and len(kept) > 2 and _flat(kept, normals, config):
+    if table is None and len(largest.points) > 2 and _flat(largest, normals):
         return (
             "all points lie in one plane and nothing else is known: a table, a wall, the top of a box? give more of "
             "the scene and table=find, or table=[a,b,c,d]"
@@ -56,9 +55,9 @@ def why_no_grasp(
     return None
 
 
-def _flat(points: np.ndarray, normals: np.ndarray, config: SceneConfig) -> bool:
-    """Whether points (N, 3) with their normals are one plane and nothing that stands out of it."""
-    found = best_plane(points, config, np.random.default_rng(0))
+def _flat(largest: LargestPlane, normals: np.ndarray) -> bool:
+    """Whether points with their normals (N, 3) are one plane and nothing that stands out of it."""
+    points, config, found = largest.points, largest.config, largest.found
     if found is None or found.share < _PLANE:
         return False
     side = normals @ found.plane[:3]
@@ -80,7 +79,7 @@ def flat_hint(points: np.ndarray, normals: np.ndarray, table: np.ndarray | None,
     """A line that proposes to look for a table, where most points (N, 3) lie in a wide plane and none is known."""
     if table is not None or np.ptp(points, axis=0).max() < config.table_width:
         return None
-    found = best_plane(points, config, np.random.default_rng(0))
+    found = LargestPlane(points, config).found
     if found is None or found.width < config.table_width or found.share < _FLAT:
         return None
     facing = float((np.abs(normals[found.on] @ found.plane[:3]) > _ALIKE).mean())

@@ -95,7 +95,8 @@ def read_depth_file(path: Path, limit: int) -> DepthFile:
         return _of_pixels(path, image_pixels(path, limit, (kind or {".png": "PNG"}.get(suffix, "TIFF"),)))
     if suffix not in _SUFFIXES:
         raise InputError(
-            f"{path}: expected a depth image ({', '.join(_SUFFIXES)}), since intrinsics are given; got {suffix}"
+            f"{path}: expected a depth image ({', '.join(_SUFFIXES)}), since intrinsics are given; got "
+            f"{suffix or 'no suffix'} (a cloud or a mesh? then leave intrinsics out)"
         )
     if suffix == ".npz":
         return _of_npz(path, limit)
@@ -116,23 +117,36 @@ def in_metres(
         raise InputError(
             f"depth_scale: expected with whole numbers, which are counts, got {scale:g} for floats; unit= is theirs"
         )
-    if not file.counts:
+    used = metres_a_count(file, scale, unit, stated)
+    if used is None:
         return file.values.astype(np.float64) * METRES[unit], []
-    known = file.depth_scale if stated is None or stated.depth_scale is None else stated.depth_scale
-    wanted = scale if scale is not None else METRES[unit] if unit != "m" else None
+    known, wanted = _stated(file, stated), _wanted(scale, unit)
     notes = []
     if wanted is not None and known is not None and not np.isclose(wanted, known):
         key = f"depth_scale={scale:g}" if scale is not None else f"unit={unit}"
         notes.append(f"{key} taken: {wanted:g} m per count; the camera's file says {known:g}")
     elif scale is None and wanted not in (None, MILLIMETRES):
         notes.append(f"unit={unit} taken: {wanted:g} m per count")
-    used = wanted if wanted is not None else known if known is not None else MILLIMETRES
     if file.told:
         notes.append(f"depth of whole numbers taken as counts of {used:g} m")
     values = file.values.astype(np.float64)
     if file.values.dtype.itemsize == 2 or file.values.max(initial=0) == _SATURATED:
         values = np.where(values == _SATURATED, 0.0, values)
     return values * used, notes
+
+
+def metres_a_count(file: DepthFile, scale: float | None, unit: str, stated: Intrinsics | None) -> float | None:
+    """m that a count is taken for, arguments as of `in_metres`; None: the numbers are lengths."""
+    told = _wanted(scale, unit), _stated(file, stated), MILLIMETRES
+    return next(each for each in told if each is not None) if file.counts else None
+
+
+def _wanted(scale: float | None, unit: str) -> float | None:
+    return scale if scale is not None else METRES[unit] if unit != "m" else None
+
+
+def _stated(file: DepthFile, stated: Intrinsics | None) -> float | None:
+    return file.depth_scale if stated is None or stated.depth_scale is None else stated.depth_scale
 
 
 def counts_array(name: str, array: np.ndarray) -> bool:

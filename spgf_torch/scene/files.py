@@ -183,7 +183,8 @@ def _columns(path: Path, name: str, array: np.ndarray, limit: int) -> Cloud:
     flat = _float(path, name, array).reshape(-1, array.shape[-1])
     layout = layout or layout_by_values(label, flat, intensity=array.ndim == 3)
     normals = None if layout.normals is None else flat[:, layout.normals]
-    return Cloud(flat[:, layout.points], normals, None, str(path), pixels=pixels_of(array.shape), notes=layout.notes)
+    cloud = Cloud(flat[:, layout.points], normals, None, str(path), pixels=pixels_of(array.shape), notes=layout.notes)
+    return replace(cloud, colours=layout.colours_of(flat))
 
 
 def _of_fields(label: str, array: np.ndarray) -> tuple[np.ndarray, Layout]:

@@ -65,7 +65,9 @@ def oriented(cloud: Cloud, config: SceneConfig, notes: list[str] | None = None) 
             f"{cloud.name}: expected normals or a viewpoint that tells their side, got neither; "
             "give viewpoints=[[x,y,z],...]"
         )
-    index, pitch = neighbourhoods(cloud.points, config.neighbours, config.normal_radius)
+    enough = max(config.min_neighbours, _PITCH_NEIGHBOUR) + 1  # the others tell a normal, where there is none
+    count = config.neighbours if cloud.normals is None else min(config.neighbours, enough)
+    index, pitch = neighbourhoods(cloud.points, count, config.normal_radius)
     kept = (index != np.arange(len(index))[:, None]).sum(axis=1) >= config.min_neighbours
     if not kept.any():
         return replace(cloud.select(kept), normals=np.zeros((0, 3)))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from spgf_torch.errors import InputError
-from spgf_torch.scene.cloud import vectors
+from spgf_torch.scene.cloud import Cloud, vectors
 from spgf_torch.scene.config import SceneConfig
 
 # Points that hypotheses are tried on.
@@ -34,6 +36,24 @@ class FoundPlane:
     def share(self) -> float:
         """Of all points, those on the plane."""
         return float(self.on.mean())
+
+
+@dataclass(frozen=True)
+class LargestPlane:
+    """The plane that holds most of the points (N, 3), m, with hypotheses that are always the same; found when asked."""
+
+    points: np.ndarray
+    config: SceneConfig
+
+    @staticmethod
+    def of(clouds: Sequence[Cloud], config: SceneConfig) -> LargestPlane:
+        """That of clouds together."""
+        return LargestPlane(np.concatenate([cloud.points for cloud in clouds]), config)
+
+    @cached_property
+    def found(self) -> FoundPlane | None:
+        """As of `best_plane`."""
+        return best_plane(self.points, self.config, np.random.default_rng(0))
 
 
 def given_plane(values: object) -> np.ndarray:
@@ -78,8 +98,11 @@ def best_plane(
     if not len(normal):
         return None
     middle = some.mean(axis=0)
-    off = (some - middle) @ normal.T - ((corner - middle) * normal).sum(axis=1)
-    best = int(np.argmax(np.maximum(0.0, 1 - (off / config.table_distance) ** 2).sum(axis=0)))
+    weight = (some - middle) @ normal.T - ((corner - middle) * normal).sum(axis=1)
+    weight /= config.table_distance  # in place: there are a million of them
+    np.square(weight, out=weight)
+    np.subtract(1, weight, out=weight)
+    best = int(np.argmax(np.maximum(0.0, weight, out=weight).sum(axis=0)))
     plane = np.append(normal[best], -normal[best] @ corner[best])
     values = np.zeros(3)
     for nearer in _NEARER:

@@ -188,6 +188,8 @@ class Scene:
 
 
 def _defaults(sensing: SensingConfig | None) -> tuple[SensingConfig, np.random.Generator]:
+    if sensing is not None and not isinstance(sensing, SensingConfig):
+        raise InputError(f"sensing: expected a model's (model.sensing), got {sensing!r:.40}")
     return sensing or settings(SensingConfig), np.random.default_rng(_SEED)
 
 

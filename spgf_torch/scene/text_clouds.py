@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -50,8 +50,7 @@ def read_table(path: Path, limit: int) -> tuple[Cloud, str | None]:
     try:
         form = _form(path)
         layout = named_layout(str(path), form.names) if form.names else None
-        wanted = None if layout is None else (*layout.points, *(layout.normals or ()))
-        table = _numbers(path, form, wanted, limit)
+        layout, table = _named(path, form, layout, limit) if layout else (None, _numbers(path, form, None, limit))
     except InputError:
         raise
     except ValueError as error:  # a word that is no number, rows of different length, not text
@@ -62,11 +61,24 @@ def read_table(path: Path, limit: int) -> tuple[Cloud, str | None]:
     if layout is None:
         table = _without_empty_end(table)
         layout = layout_by_values(str(path), table, intensity=form.said is not None)
-    else:  # only the columns that it names were read
-        layout = Layout((0, 1, 2), (3, 4, 5) if layout.normals else None, layout.unit, layout.notes)
     notes = (*layout.notes, *(("decimal commas read as points",) if form.comma else ()))
     normals = None if layout.normals is None else table[:, layout.normals]
-    return Cloud(table[:, layout.points], normals, None, str(path), notes=notes), layout.unit
+    cloud = Cloud(table[:, layout.points], normals, None, str(path), notes=notes, colours=layout.colours_of(table))
+    return cloud, layout.unit
+
+
+def _named(path: Path, form: _Form, layout: Layout, limit: int) -> tuple[Layout, np.ndarray]:
+    """Only the columns that the names tell of, and which of these is what; without colours that are no numbers."""
+    shown = layout.colours or ()
+    wanted = (*layout.points, *(layout.normals or ()))
+    try:
+        table = _numbers(path, form, (*wanted, *shown), limit)
+    except ValueError:
+        if not shown:
+            raise
+        table, shown = _numbers(path, form, wanted, limit), ()
+    own = tuple(range(len(wanted), len(wanted) + 3)) if shown else None
+    return replace(layout, points=(0, 1, 2), normals=(3, 4, 5) if layout.normals else None, colours=own), table
 
 
 def _form(path: Path) -> _Form:

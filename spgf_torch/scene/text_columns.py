@@ -10,6 +10,7 @@ import numpy as np
 
 from spgf_torch.errors import InputError
 from spgf_torch.objects.scans import METRES
+from spgf_torch.scene.colours import NAMES, colour_bytes
 
 MOST_COLUMNS = 100
 _POINT, _NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
@@ -31,7 +32,7 @@ class Layout:
 
     Attributes:
         points: the three of x y z.
-        normals: the three of the normals; None: there are none.
+        normals: the three of the normals; None: there are none. colours: the three of red, green and blue.
         unit: that the names state; None: they do not.
         notes: what was taken for what.
     """
@@ -40,6 +41,14 @@ class Layout:
     normals: tuple[int, ...] | None = None
     unit: str | None = None
     notes: tuple[str, ...] = ()
+    colours: tuple[int, ...] | None = None
+
+    def colours_of(self, table: np.ndarray) -> np.ndarray | None:
+        """(N, 3) uint8 of a table (N, C), 0 where a point has no reading; None where there are none."""
+        if self.colours is None:
+            return None
+        known = np.isfinite(table[:, self.points]).all(axis=1)
+        return colour_bytes(np.where(known[:, None], table[:, self.colours], 0.0))
 
 
 def named_layout(name: str, given: Sequence[str]) -> Layout:
@@ -63,7 +72,10 @@ def named_layout(name: str, given: Sequence[str]) -> Layout:
         got = ", ".join(f"{axis} in {unit}" for axis, unit in units.items())
         raise InputError(f"{name}: expected one unit of x, y and z, {', '.join(METRES)}; got {got}")
     normals = tuple(names.index(axis) for axis in _NORMAL) if set(_NORMAL) <= set(names) else None
-    return Layout(tuple(names.index(axis) for axis in _POINT), normals, next(iter(units.values()), None))
+    tints = next((each for each in NAMES if set(each) <= set(names)), None)
+    colours = None if tints is None else tuple(names.index(tint) for tint in tints)
+    points = tuple(names.index(axis) for axis in _POINT)
+    return Layout(points, normals, next(iter(units.values()), None), colours=colours)
 
 
 def layout_by_values(name: str, table: np.ndarray, intensity: bool = False) -> Layout:
@@ -89,16 +101,27 @@ def layout_by_values(name: str, table: np.ndarray, intensity: bool = False) -> L
     units = [start for start in starts if _unit_length(table[:, start : start + 3])]
     colours = [start for start in starts if _colours(table[:, start : start + 3])]
     if len(units) == 1:
-        first = units[0]
-        rest = f"; columns {first + 1} to {first + 3}, of length 1, taken for normals, the others after z left out"
-        return Layout(normals=(first, first + 1, first + 2), notes=(f"{count} columns without names{rest}",))
-    if not units and colours:
-        what = "columns 4 to 6 taken for colours" if count == 6 else "those after z taken for colours and the like"
-        return Layout(notes=(f"{count} columns without names: {what} and left out",))
+        colours = [start for start in colours if abs(start - units[0]) >= 3]
+    if len(units) == 1 or (not units and colours):
+        return _unnamed(count, units, colours)
     raise InputError(
         f"{name}: expected 3 columns x y z or 6 with normals (or a line of names), got {count}; write a first line "
         "such as x y z intensity, or x y z alone"
     )
+
+
+def _unnamed(count: int, units: Sequence[int], colours: Sequence[int]) -> Layout:
+    """The layout of `count` columns of which three from here are normals, and from one of there are colours."""
+    normals = (units[0], units[0] + 1, units[0] + 2) if units else None
+    tints = (colours[0], colours[0] + 1, colours[0] + 2) if len(colours) == 1 else None
+    told = [
+        *([f"columns {normals[0] + 1} to {normals[2] + 1}, of length 1, taken for normals"] if normals else []),
+        *([f"columns {tints[0] + 1} to {tints[2] + 1} taken for colours"] if tints else []),
+        *(["those after z taken for colours and the like"] if not normals and not tints else []),
+    ]
+    if 3 + 3 * bool(normals) + 3 * bool(tints) < count:
+        told.append("the others after z left out" if normals or tints else "left out")
+    return Layout(normals=normals, notes=(f"{count} columns without names: {', '.join(told)}",), colours=tints)
 
 
 def plain_name(word: str) -> tuple[str, str | None]:

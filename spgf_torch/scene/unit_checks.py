@@ -15,9 +15,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from spgf_torch.errors import InputError
-from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.config import SceneConfig
-from spgf_torch.scene.planes import best_plane, height
+from spgf_torch.scene.planes import LargestPlane, height
 from spgf_torch.scene.views import View
 
 # Pixels that are looked at, planes that are tried, and how many of them one after the other.
@@ -50,7 +49,6 @@ _TABLE = 0.3
 _WIDE = 0.06
 # Points of what stands on the plane of a cloud: fewer are too sparse to tell its size.
 _MANY = 300
-_MILLIMETRE = 0.001  # m; what a count is where nothing says it
 # Counts a metre that cameras and data sets write.
 _COUNTS = {1000: "millimetres", 5000: "TUM RGB-D", 4000: "RealSense L515", 10000: "D405, YCB-Video", 100: "centimetres"}
 
@@ -117,21 +115,21 @@ def _off(pixel: np.ndarray, numbers: np.ndarray, planes: np.ndarray, inverse: bo
     return np.abs(numbers / np.where(there == 0, np.inf, there) - 1)
 
 
-def size_notes(targets: Sequence[Cloud], views: Sequence[View] | None, config: SceneConfig, alone: bool) -> list[str]:
+def size_notes(largest: LargestPlane, views: Sequence[View] | None, alone: bool) -> list[str]:
     """Lines that say how far and how large the target is, and a warning where no camera and no hand would have it so.
 
     Args:
-        views: of depth images, in m; None: clouds.
+        largest: the targets' points and their largest plane. views: of depth images, in m; None: clouds.
         alone: whether the targets are apart from the table and the rest of the scene.
     """
-    points = np.concatenate([cloud.points for cloud in targets])
+    points, config = largest.points, largest.config
     sides = _sides(points)
     size = " x ".join(f"{side:.3f}" for side in sides)
     median = _median(views) if views else None
     lines = [("" if median is None else f"depth: median {median:.3f} m; ") + f"extent of the target: {size} m"]
     alone = alone or config.mask is not None or config.segments is not None
     wide = config.table_width if median is None else _WIDE
-    apart = points if alone else _off_plane(points, config, wide)
+    apart = points if alone else _off_plane(largest, wide)
     thing = _thing(apart) if median is not None or len(apart) >= _MANY else None
     if _usual(median, thing) and _SMALL <= sides[0] <= _LARGE:
         return lines
@@ -140,7 +138,7 @@ def size_notes(targets: Sequence[Cloud], views: Sequence[View] | None, config: S
         remedy = f"another unit? (unit={config.unit})"
     else:
         what = f"a median depth of {median:.3g} m" + (f" with {what}" if thing is not None else "")
-        remedy = _scales(median, thing, config)
+        remedy = _scales(median, thing, views or (), config)
     return [*lines, f"warning: {what} is unusual for grasping; {remedy}"]
 
 
@@ -148,21 +146,26 @@ def unusual_depth(views: Sequence[View], config: SceneConfig) -> str:
     """What to try where depth images are refused for something else, but are unusually near or far; "" where not."""
     median = _median(views)
     usual = _usual(median, None)
-    return "" if usual else f"a median depth of {median:.3g} m is unusual: {_scales(median, None, config)}"
+    return "" if usual else f"a median depth of {median:.3g} m is unusual: {_scales(median, None, views, config)}"
 
 
 def _median(views: Sequence[View]) -> float:
     return float(np.median(np.concatenate([v.depth[np.isfinite(v.depth) & (v.depth > 0)] for v in views])))
 
 
-def _scales(median: float, thing: float | None, config: SceneConfig) -> str:
+def _scales(median: float, thing: float | None, views: Sequence[View], config: SceneConfig) -> str:
     """The scales of counts that make a median depth, and the size of things, m, usual."""
-    counts = 1 / (config.depth_scale or _MILLIMETRE)  # as many were taken for a metre
-    fitting = [
-        f"{1 / n:g} ({words})"
-        for n, words in _COUNTS.items()
-        if n != round(counts) and _usual(median * counts / n, None if thing is None else thing * counts / n)
-    ]
+    taken = {view.scale for view in views}
+    if taken == {None}:
+        return f"another unit? (unit={config.unit}), or made of counts of another scale?"
+    fitting = []
+    if len(taken) == 1:
+        counts = 1 / next(scale for scale in taken if scale)  # as many were taken for a metre
+        fitting = [
+            f"{1 / n:g} ({words})"
+            for n, words in _COUNTS.items()
+            if n != round(counts) and _usual(median * counts / n, None if thing is None else thing * counts / n)
+        ]
     return f"depth_scale={' or '.join(fitting)} would make it usual" if fitting else "another depth_scale or unit?"
 
 
@@ -198,9 +201,9 @@ def _sides(points: np.ndarray) -> np.ndarray:
     return np.sort(high - low)[::-1]
 
 
-def _off_plane(points: np.ndarray, config: SceneConfig, wide: float) -> np.ndarray:
+def _off_plane(largest: LargestPlane, wide: float) -> np.ndarray:
     """The points off their largest plane, if that is wide and holds many; none otherwise."""
-    found = best_plane(points, config, np.random.default_rng(0))
+    points, found = largest.points, largest.found
     if found is None or found.share < _TABLE or found.width < wide:
         return points[:0]
-    return points[np.abs(height(points, found.plane)) > config.table_distance]
+    return points[np.abs(height(points, found.plane)) > largest.config.table_distance]

@@ -12,7 +12,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.paths import find
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.depth import camera_of, check_depth, check_returns
-from spgf_torch.scene.depth_files import DepthFile, in_metres, read_depth_file
+from spgf_torch.scene.depth_files import DepthFile, in_metres, metres_a_count, read_depth_file
 from spgf_torch.scene.intrinsics import Intrinsics, given_intrinsics, read_intrinsics
 from spgf_torch.scene.labels import fitting, marked, numbered, read_labels, read_mask
 from spgf_torch.scene.poses import read_poses
@@ -29,6 +29,7 @@ class View:
         labels: (H, W) int32, the target that each pixel shows, 0: none, an obstacle; None: all are the target.
         name: for errors, the file that it came from.
         notes: what the reader left out or took for something, a line each.
+        scale: m that a count was taken for; None: the numbers were lengths.
     """
 
     depth: np.ndarray
@@ -36,6 +37,7 @@ class View:
     labels: np.ndarray | None = None
     name: str = "depth image"
     notes: tuple[str, ...] = ()
+    scale: float | None = None
 
 
 def read_views(paths: Sequence[Path], config: SceneConfig) -> list[View]:
@@ -66,7 +68,8 @@ def read_views(paths: Sequence[Path], config: SceneConfig) -> list[View]:
         if labels is not None:
             numbered(str(marks[1][i]), labels[np.isfinite(depth) & (depth > 0)], "pixels with a depth")
         every = (*file.notes, *camera_notes, *notes, *(pose_notes if i == 0 else ()), *label_notes)
-        views.append(View(depth, camera, labels, str(path), every))
+        scale = metres_a_count(file, config.depth_scale, config.unit, given)
+        views.append(View(depth, camera, labels, str(path), every, scale))
         pixels += depth.size
         if pixels > config.max_points:
             raise InputError(

@@ -15,13 +15,11 @@ import torch
 from scipy.ndimage import minimum_filter
 from torch import Tensor
 
-from spgf_torch.compiled import compiled
+from spgf_torch.ops.depth_behind import THROUGH, Image, depth_behind
 from spgf_torch.sensing.cameras import Camera
 
 # px; side of the window whose least depth fills a pixel without return.
 _FILL = 3
-# m in front of the surface: what a pixel without return says of every point.
-_THROUGH = -0.1
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ class DepthView:
         inside = (z > 0) & (u > -0.5) & (u < width - 0.5) & (v > -0.5) & (v < height - 0.5)
         index = v.clamp(0, height - 1).round().long() * width + u.clamp(0, width - 1).round().long()
         depth = self.depth.flatten()[index]
-        behind = torch.where(depth.isfinite(), z - depth, torch.full_like(z, _THROUGH))
+        behind = torch.where(depth.isfinite(), z - depth, torch.full_like(z, THROUGH))
         return torch.where(inside, behind, torch.full_like(z, torch.inf))
 
 
@@ -83,51 +81,10 @@ def behind_at(T: Tensor, points: Tensor, views: Sequence[DepthView], enough: flo
     that small, it need not be the least. Infinity: where one image shows the place, the others are not looked up.
     """
     least = torch.full((len(T), len(points)), torch.inf)
-    poses, body = T.contiguous().numpy(), points.contiguous().numpy()
     for view in views:
-        camera = np.concatenate([view.rotation.T, view.K @ view.rotation.T]).astype(np.float64)
-        image = view.eye.numpy(), view.depth.contiguous().numpy(), camera
-        project(poses, body, *image, np.float32(enough), least.numpy())
+        camera = torch.cat([view.rotation.T, view.K @ view.rotation.T]).double()
+        least = depth_behind(T, points, Image(view.depth, view.eye, camera), enough, least)
     return least
-
-
-@compiled
-def project(
-    T: np.ndarray,
-    points: np.ndarray,
-    eye: np.ndarray,
-    depth: np.ndarray,
-    camera: np.ndarray,
-    enough: np.float32,
-    least: np.ndarray,
-) -> None:
-    """Lower `least` (G, I) to the depths of points (I, 3) at poses (G, 4, 4) behind the surface in an image (H, W).
-
-    camera (6, 3) f64: the rows of the rotation into its frame, then of that into pixels times metres.
-    """
-    height, width = depth.shape
-    rotation, move = np.empty((6, 3)), np.empty(6)
-    for g in range(len(T)):
-        for row in range(6):
-            move[row] = 0.0
-            for k in range(3):
-                move[row] += camera[row, k] * (np.float64(T[g, k, 3]) - eye[k])
-                rotation[row, k] = 0.0
-                for j in range(3):
-                    rotation[row, k] += camera[row, j] * T[g, j, k]
-        for i in range(len(points)):
-            if least[g, i] <= enough and least[g, i] < np.inf:
-                continue
-            a, b, c = points[i]
-            z = rotation[2, 0] * a + rotation[2, 1] * b + rotation[2, 2] * c + move[2]
-            if z <= 0:
-                continue
-            scale = 1 / max(z, 1e-6)
-            u = (rotation[3, 0] * a + rotation[3, 1] * b + rotation[3, 2] * c + move[3]) * scale
-            v = (rotation[4, 0] * a + rotation[4, 1] * b + rotation[4, 2] * c + move[4]) * scale
-            if u > -0.5 and u < width - 0.5 and v > -0.5 and v < height - 0.5:
-                surface = depth[int(np.rint(v)), int(np.rint(u))]
-                least[g, i] = min(least[g, i], z - surface if surface < np.inf else _THROUGH)
 
 
 def mean_direction(views: Sequence[DepthView], centre: Tensor) -> Tensor:

@@ -9,7 +9,7 @@ import asyncio
 import json
 import re
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -81,6 +81,7 @@ _ANY = frozenset(("", "application/octet-stream", "application/x-www-form-urlenc
 MULTIPART = "multipart/form-data"
 # Of a form: files, settings, and bytes of a setting.
 MOST_FILES, MOST_FIELDS, LONGEST_FIELD = 64, 100, 1 << 16
+LONGEST_NAME = 80  # characters of a file's name that are repeated
 # So much more than is taken is still read, and dropped: who has not sent all does not read what is wrong.
 DRAINED = 4
 
@@ -92,12 +93,14 @@ class Job:
     Attributes:
         folder: of the files, which goes with the request. files: key of conf/scene -> names in it, in order.
         settings: as they were sent, not checked. arrays: whether the input is a JSON object that holds all.
+        called: name in the folder -> what whoever asks knows it by: its file's name, its part's, or `body`.
     """
 
     folder: str
     files: dict[str, list[str]] = field(default_factory=dict)
     settings: dict[str, Any] = field(default_factory=dict)
     arrays: bool = False
+    called: dict[str, str] = field(default_factory=dict)
 
 
 async def job_of(request: Request, folder: Path, config: ServeConfig) -> Job:
@@ -112,15 +115,14 @@ async def job_of(request: Request, folder: Path, config: ServeConfig) -> Job:
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind == MULTIPART:
         return await _of_form(request, folder, settings)
-    job = Job(str(folder), {}, settings)
     path = folder / "body"
     with path.open("wb") as stream:
         async for chunk in request.stream():
             stream.write(chunk)
     suffix = suffix_of(kind, None, path)
-    path.rename(folder / f"input{suffix}")
-    job.files["input"] = [f"input{suffix}"]
-    return Job(job.folder, job.files, settings, suffix == ".json")
+    name = f"input{suffix}"
+    path.rename(folder / name)
+    return Job(str(folder), {"input": [name]}, settings, suffix == ".json", {name: "body"})
 
 
 async def _of_form(request: Request, folder: Path, settings: dict[str, Any]) -> Job:
@@ -137,7 +139,7 @@ async def _of_form(request: Request, folder: Path, settings: dict[str, Any]) -> 
         words: list[tuple[str, str]] = []
         for key, value in form.multi_items():
             if isinstance(value, UploadFile):
-                await _take(value, ALIASES.get(key, key), folder, job.files)
+                await _take(value, ALIASES.get(key, key), job)
             else:
                 words.append((key, value))
     finally:
@@ -145,14 +147,14 @@ async def _of_form(request: Request, folder: Path, settings: dict[str, Any]) -> 
     given = settings_of(words)
     if twice := sorted(given.keys() & settings.keys()):
         raise InputError(f"{twice[0]}: expected one value, got one in the address and one in the form")
-    return Job(job.folder, job.files, {**settings, **given})
+    return replace(job, settings={**settings, **given})
 
 
-async def _take(upload: UploadFile, key: str, folder: Path, files: dict[str, list[str]]) -> None:
+async def _take(upload: UploadFile, key: str, job: Job) -> None:
     """A part of a form, as a file named by its key."""
     if key not in FILES:
         raise InputError(f"{key[:40]}: expected a file as one of {', '.join(FILES)}; got one of this name")
-    names = files.setdefault(key, [])
+    names, folder = job.files.setdefault(key, []), Path(job.folder)
     path = folder / "part"
     with path.open("wb") as stream:
         while chunk := await upload.read(1 << 20):
@@ -160,6 +162,13 @@ async def _take(upload: UploadFile, key: str, folder: Path, files: dict[str, lis
     suffix = suffix_of((upload.content_type or "").partition(";")[0].strip().lower(), upload.filename, path)
     names.append(f"{key}{f'_{len(names) + 1}' if names else ''}{suffix}")
     path.rename(folder / names[-1])
+    job.called[names[-1]] = called(upload.filename, key)
+
+
+def called(filename: str | None, key: str) -> str:
+    """What a part is called in words: by its file's name, without folders and what does not print, else by its key."""
+    bare = re.split(r"[/\\]", filename or "")[-1]
+    return "".join(c for c in bare if c.isprintable()).strip()[:LONGEST_NAME] or key
 
 
 def suffix_of(kind: str, name: str | None, path: Path) -> str:

@@ -6,7 +6,7 @@
     for grasp in grasps["grasps"]:
         print(grasp["type"], grasp["probability"], grasp["T_input_tcp"])
 
-Points and images are lists or numpy arrays. As a command: python client.py mug.ply --viewpoint 0,0,0 --table find
+Points and images are lists or numpy arrays. As a command: python client.py mug.ply --viewpoint 0 0 0 --table find
 """
 
 from __future__ import annotations
@@ -28,10 +28,11 @@ URL = "http://127.0.0.1:8000"
 
 
 class ServeError(Exception):
-    """The server cannot be reached, or it refused what was asked; in one line.
+    """The server cannot be reached, or it refused what was asked, or a file cannot be read; in one line.
 
     Attributes:
-        status: of the answer, such as 400 (what was sent cannot be used) or 503 (ask again); None: there was none.
+        status: of the answer, such as 400 (what was sent cannot be used, or to be sent not be read) or 503 (ask
+            again); None: there was none.
         retry_after: s after which to ask again; None: not said.
     """
 
@@ -62,8 +63,7 @@ class Client:
         """Ranked grasps, best first, as the dictionary of grasps.json: `answer["grasps"][0]["T_input_tcp"]`.
 
         Args:
-            points: (N, 3) or (H, W, 3), m.
-            depth: (H, W): fractions are m, whole numbers counts of depth_scale (millimetres).
+            points: (N, 3) or (H, W, 3), m. depth: (H, W): fractions are m, whole numbers counts of depth_scale (mm).
             K: 3 x 3, or fx, fy, cx, cy.
             file: path of a cloud, a mesh or a depth image (then K, or intrinsics= a file), or a list of paths of views.
             T_input_camera: (4, 4) pose of the depth image's camera, m.
@@ -72,7 +72,8 @@ class Client:
                 input, or paths; normals: array in the shape of the points; intrinsics, poses: paths.
 
         Raises:
-            ServeError: no server there, or it refused; `status` says why.
+            ServeError: no server there, or it refused, or a file cannot be read; `status` says why.
+            ValueError: an argument that cannot be sent, in one line that names it.
         """
         given = [name for name, value in (("points", points), ("depth", depth), ("file", file)) if value is not None]
         if len(given) != 1:
@@ -89,7 +90,7 @@ class Client:
         if K is not None:
             settings["intrinsics"] = _numbers("K", K)
         if T_input_camera is not None:
-            pose = json.dumps({"T_input_camera": _nested(T_input_camera)})
+            pose = _words("T_input_camera", {"T_input_camera": _nested(T_input_camera)})
             parts.append(("poses", "poses.json", pose.encode()))
         for name in ("mask", "segments", "intrinsics", "poses"):
             value = settings.get(name)
@@ -97,14 +98,14 @@ class Client:
                 parts.append(_file(name, settings.pop(name)))
             elif value is not None and name in ("mask", "segments"):
                 parts.append((name, name + ".npy", _npy(name, settings.pop(name), whole=True)))
-        words = [(name, _words(value)) for name, value in settings.items() if value is not None]
+        words = [(name, _words(name, value)) for name, value in settings.items() if value is not None]
         body, kind = _form(words, parts)
         return self._asked("/grasps", body, kind)
 
     def _with_normals(self, points: Any, settings: dict[str, Any]) -> dict[str, Any]:
         """Points with normals, as JSON: a .npy file has no place for both that keeps an image's shape."""
         named = {name: _nested(value) for name, value in settings.items() if value is not None}
-        body = json.dumps({"points": _nested(points), **named}).encode()
+        body = _words("points", {"points": _nested(points), **named}).encode()
         return self._asked("/grasps", body, "application/json")
 
     def health(self) -> dict[str, Any]:
@@ -116,9 +117,10 @@ class Client:
         return self.url + answer["page"]
 
     def _asked(self, path: str, body: bytes | None = None, kind: str = "") -> dict[str, Any]:
-        request = urllib.request.Request(self.url + path, data=body, headers={"Content-Type": kind} if kind else {})
         opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # the server is near
+        headers = {"Content-Type": kind} if kind else {}
         try:
+            request = urllib.request.Request(self.url + path, data=body, headers=headers)
             with opener.open(request, timeout=self.timeout) as answer:
                 return json.loads(answer.read().decode())
         except urllib.error.HTTPError as error:
@@ -172,7 +174,12 @@ def _npy(name: str, values: Any, whole: bool = False) -> bytes:
         numbers, shape = _flat(name, values)
         counts = whole or (name == "depth" and all(isinstance(value, int) for value in numbers))
         kind = "<i4" if counts else "<f4"
-        made = array("i" if counts else "f", [float("nan") if value is None else value for value in numbers])
+        try:
+            made = array("i" if counts else "f", [float("nan") if value is None else value for value in numbers])
+        except (TypeError, OverflowError) as error:
+            raise ValueError(
+                f"{name}: expected {'whole ' * counts}numbers in rows of one length, got {error}"
+            ) from None
         if sys.byteorder == "big":
             made.byteswap()
         content = made.tobytes()
@@ -183,10 +190,12 @@ def _npy(name: str, values: Any, whole: bool = False) -> bytes:
 
 
 def _file(name: str, path: Any) -> tuple[str, str, bytes]:
+    if not isinstance(path, (str, os.PathLike)):
+        raise ValueError(f"{name}: expected the path of a file, got {type(path).__name__}")
     try:
         return name, Path(path).name, Path(path).read_bytes()
-    except OSError as error:
-        raise ServeError(f"{path}: expected a file, got {error.strerror}") from None
+    except (OSError, ValueError) as error:  # ValueError: a name with a NUL
+        raise ServeError(f"{path}: expected a file, got {getattr(error, 'strerror', error)}", 400) from None
 
 
 def _numbers(name: str, values: Any) -> Any:
@@ -194,9 +203,12 @@ def _numbers(name: str, values: Any) -> Any:
     return values if isinstance(values, (str, os.PathLike)) else _nested(values)
 
 
-def _words(value: Any) -> str:
+def _words(name: str, value: Any) -> str:
     """A setting as text: words as they are, all else as JSON."""
-    return value if isinstance(value, str) else json.dumps(_nested(value))
+    try:
+        return value if isinstance(value, str) else json.dumps(_nested(value))
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected numbers or words, got {type(value).__name__}") from None
 
 
 def _form(words: list[tuple[str, str]], parts: list[tuple[str, str, bytes]]) -> tuple[bytes, str]:
@@ -213,25 +225,82 @@ def _form(words: list[tuple[str, str]], parts: list[tuple[str, str, bytes]]) -> 
     return body + f"--{mark}--\r\n".encode(), f"multipart/form-data; boundary={mark}"
 
 
+class _Parser(argparse.ArgumentParser):
+    """One that says in one line what is wrong."""
+
+    def error(self, message: str) -> Any:
+        self.exit(2, f"client: {message}\n")
+
+
+# What Client.grasps is given in a program, and nobody can type.
+_PYTHON = ("points", "depth", "normals", "file", "T_input_camera")
+# Settings that are three numbers, whatever follows them.
+_PLACES = ("viewpoint", "viewpoints", "crop_low", "crop_high")
+
+
+def _asked_for(words: list[str]) -> tuple[list[str], dict[str, Any]]:
+    """Files, and settings as keyword arguments; ValueError for what is neither."""
+    files: list[str] = []
+    given: dict[str, list[Any]] = {}
+    while words:
+        word = words.pop(0)
+        if not word.startswith("-"):
+            files.append(word)
+            continue
+        key, equals, value = word.partition("=")
+        name = key.lstrip("-").replace("-", "_")
+        if not name or name in _PYTHON:
+            raise ValueError(f"{key}: expected files as words, and settings of the scene as --KEY VALUE")
+        if not equals and (not words or words[0].startswith("--")):
+            raise ValueError(f"{key}: expected a value after it, got {words[0] if words else 'none'}")
+        value = value if equals else words.pop(0)
+        values = value.split(",")
+        while not equals and _are_numbers(values) and words and _are_numbers([words[0]]):
+            values.append(words.pop(0))
+        several = len(values) > 1 and _are_numbers(values)
+        if name in _PLACES and not value.startswith("[") and not (several and len(values) == 3):
+            raise ValueError(
+                f"{key}: expected 3 numbers after it, got {' '.join([*values, *words[: 3 - len(values)]])}"
+            )
+        given.setdefault(name, []).append([float(each) for each in values] if several else ",".join(values))
+    for name, values in given.items():
+        if len(values) > 1 and not all(isinstance(each, list) for each in values):
+            raise ValueError(f"--{name}: expected one value, got {' and '.join(map(str, values))}")
+    if given and not files:
+        raise ValueError(f"expected a file with --{next(iter(given))}, got none")
+    return files, {name: values if len(values) > 1 else values[0] for name, values in given.items()}
+
+
+def _are_numbers(words: list[str]) -> bool:
+    try:
+        return bool([float(word) for word in words])
+    except ValueError:
+        return False
+
+
 def main() -> int:
-    """Ask for grasps on files and print the answer as JSON; 1 where the server refused, 2 for wrong arguments."""
-    parser = argparse.ArgumentParser(description="Grasps from spgf serve; other --KEY VALUE are settings of the scene.")
-    parser.add_argument("file", nargs="*", help="a cloud, a mesh or a depth image, or several views; none: health")
+    """Ask for grasps on files and print the answer as JSON.
+
+    The status is 2 where what was asked or sent cannot be used, 1 where there is no server or it could not answer.
+    """
+    parser = _Parser(
+        usage="%(prog)s [FILE ...] [--KEY VALUE ...] [--url URL] [--timeout S]",
+        description="Grasps from spgf serve on a cloud, a mesh, a depth image or views; no file: is it ready?",
+        epilog="--KEY VALUE: settings of the scene, such as --viewpoint 0 0 0 --table find.",
+        allow_abbrev=False,
+    )
     parser.add_argument("--url", default=URL)
-    parser.add_argument("--timeout", type=float, default=60.0, help="s")
+    parser.add_argument("--timeout", type=float, default=60.0, metavar="S", help="s to wait for the answer")
     known, rest = parser.parse_known_args()
-    settings = {}
-    while rest:
-        key, equals, value = rest.pop(0).partition("=")
-        if not key.startswith("--") or (not equals and not rest):
-            parser.error(f"expected --KEY VALUE, got {key}")
-        settings[key[2:].replace("-", "_")] = value if equals else rest.pop(0)
     client = Client(known.url, known.timeout)
     try:
-        answer = client.grasps(file=known.file, **settings) if known.file else client.health()
+        files, settings = _asked_for(rest)
+        answer = client.grasps(file=files, **settings) if files else client.health()
     except ServeError as error:
         print(f"client: {error}", file=sys.stderr)
-        return 1
+        return 2 if error.status is not None and 400 <= error.status < 500 else 1
+    except ValueError as error:
+        parser.error(str(error))
     print(json.dumps(answer))
     return 0
 

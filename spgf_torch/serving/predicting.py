@@ -62,12 +62,13 @@ class TooLargeError(Exception):
 
 @dataclass
 class _Loaded:
-    """What the process keeps: the model, who it is in words, its settings, and the latest results by their names."""
+    """What the process keeps: the model, who it is in words, its settings, and the latest results by their names, each
+    with what its page says in its head."""
 
     model: Predictor
     about: dict[str, Any]
     config: ServeConfig
-    results: OrderedDict[str, Grasps] = field(default_factory=OrderedDict)
+    results: OrderedDict[str, tuple[Grasps, list[tuple[str, str]]]] = field(default_factory=OrderedDict)
 
 
 _loaded: list[_Loaded] = []
@@ -114,7 +115,7 @@ def predict(job: Job) -> Answer | InputError | TooLargeError:
         with limited(state.config.seconds):
             return _answer(job, state)
     except InputError as error:
-        return InputError(_without_folder(str(error), job))
+        return InputError(_as_called(str(error), job))
     except (MemoryError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and "allocate memory" not in str(error):
             raise
@@ -127,13 +128,15 @@ def predict(job: Job) -> Answer | InputError | TooLargeError:
 def page(name: str) -> bytes | InputError | None:
     """The page of a result, `last` or one that an answer named; None where it is kept no more."""
     state = _loaded[0]
-    grasps = next(reversed(state.results.values()), None) if name == "last" else state.results.get(name)
-    if grasps is None:
+    found = next(reversed(state.results.values()), None) if name == "last" else state.results.get(name)
+    if found is None:
         return None
+    from spgf_torch.grasps.page import write_page
+
+    grasps, head = found
     try:
         with limited(PAGE_SECONDS), tempfile.TemporaryDirectory(prefix="spgf_page_") as folder:
-            written = grasps.save(folder, "page")
-            pages = [path for path in written if path.suffix == ".html"]
+            pages = [path for path in write_page(grasps, Path(folder), head) if path.suffix == ".html"]
             return pages[0].read_bytes() if pages else InputError("page: expected something seen, got an empty scene")
     except InputError as error:
         return error
@@ -152,19 +155,22 @@ def _answer(job: Job, state: _Loaded) -> Answer:
             raise InputError(f"{unused[0]}: expected with other input than {kind} in JSON, got it with these")
     top, types = _own(settings, state)
     start = time.perf_counter()
-    scene = _without_folders(_scene(job, values, settings, state), job)
+    scene = _in_their_words(_scene(job, values, settings, state), job)
     sensed = time.perf_counter()
     grasps = state.model.predict(scene, top)
     seconds = {"scene": sensed - start, "grasps": time.perf_counter() - sensed}
     if types is not None:
         grasps = replace(grasps, grasps=tuple(grasp for grasp in grasps if grasp.type in types))
-    return _told(grasps, scene, seconds, state)
+    file = ", ".join(job.called.get(name, name) for name in job.files["input"])
+    return _told(grasps, scene, seconds, state, file)
 
 
-def _told(grasps: Grasps, scene: Scene, seconds: dict[str, float], state: _Loaded) -> Answer:
+def _told(grasps: Grasps, scene: Scene, seconds: dict[str, float], state: _Loaded, file: str) -> Answer:
     """The dictionary of grasps.json and what else there is to say, as JSON; the result is kept."""
+    from spgf_torch.grasps.page import head_of
+
     name = secrets.token_hex(8)
-    state.results[name] = grasps
+    state.results[name] = grasps, head_of(state.model, file, version=f"spgf_torch {__version__}")
     while len(state.results) > state.config.kept:
         state.results.popitem(last=False)
     said = grasps.to_dict()
@@ -249,15 +255,17 @@ def _scene(job: Job, values: dict[str, Any], settings: dict[str, Any], state: _L
         return Scene.from_files(files, sensing=sensing, **{**settings, **lists})
 
 
-def _without_folders(scene: Scene, job: Job) -> Scene:
+def _in_their_words(scene: Scene, job: Job) -> Scene:
     """The scene, in whose words files are called as in the request."""
-    notes = tuple(_without_folder(note, job) for note in scene.notes)
-    no_grasp = scene.no_grasp and _without_folder(scene.no_grasp, job)
-    return replace(scene, notes=notes, unseen=_without_folder(scene.unseen, job), no_grasp=no_grasp)
+    notes = tuple(_as_called(note, job) for note in scene.notes)
+    no_grasp = scene.no_grasp and _as_called(scene.no_grasp, job)
+    return replace(scene, notes=notes, unseen=_as_called(scene.unseen, job), no_grasp=no_grasp)
 
 
-def _without_folder(words: str, job: Job) -> str:
-    """Words on a file without where it lies."""
+def _as_called(words: str, job: Job) -> str:
+    """Words on files by what whoever asks calls them, without where they lie."""
+    for name, called in job.called.items():
+        words = words.replace(f"{job.folder}/{name}", called)
     return words.replace(f"{job.folder}/", "")
 
 

@@ -18,7 +18,7 @@ from spgf_torch.hands.config import HandConfig
 from spgf_torch.hands.description_file import is_file_name, read_description
 from spgf_torch.progress import ProgressReporter, ReportedProgress, show
 from spgf_torch.settings import plain, typed
-from spgf_torch.training.given_objects import kept_objects
+from spgf_torch.training.given_objects import in_their_names, kept_objects
 from spgf_torch.training.run import run
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def train(
     _check_process()
     if not isinstance(judge, bool):
         raise InputError(f"judge: expected True or False, got {judge!r:.40}")
-    with _folder(out) as folder:
+    with _folder(out) as folder, in_their_names(objects, folder):
         given: dict[str, Any] = {**settings, "K": K, "judge": "learn" if judge else "none"}
         if objects is not None:
             given["objects"] = kept_objects(objects, folder)

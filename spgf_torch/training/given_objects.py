@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ def kept_objects(objects: Any, folder: Path) -> str:
         return str(objects)
     if not isinstance(objects, Mapping | Iterable) or isinstance(objects, trimesh.Trimesh):
         raise InputError(f"objects: expected a folder, or a list of meshes, got {type(objects).__name__}")
-    named = list(objects.items()) if isinstance(objects, Mapping) else _named(list(objects))
+    named = _named(objects)
     if not named:
         raise InputError("objects: expected a mesh at least, got none")
     (folder / FOLDER).mkdir()
@@ -46,7 +47,24 @@ def kept_objects(objects: Any, folder: Path) -> str:
     return str(folder / FOLDER)
 
 
-def _named(objects: list[Any]) -> list[tuple[str, Any]]:
+@contextmanager
+def in_their_names(objects: Any, folder: Path) -> Iterator[None]:
+    """What is refused within of a copy that `kept_objects` made is told by the file, or the mesh, that was given."""
+    try:
+        yield
+    except InputError as error:
+        line = str(error)
+        for name, given in _named(objects) if isinstance(objects, Mapping | list | tuple) else ():
+            suffix = Path(given).suffix.lower() if isinstance(given, str | Path) else ".obj"
+            words = str(given) if isinstance(given, str | Path) else f"objects: {name}"
+            line = line.replace(str(folder / FOLDER / f"{name}{suffix}"), words)
+        raise InputError(line) from None
+
+
+def _named(objects: Mapping[Any, Any] | Iterable[Any]) -> list[tuple[str, Any]]:
+    """A name for each."""
+    if isinstance(objects, Mapping):
+        return list(objects.items())
     return [
         (re.sub(r"[^A-Za-z0-9_-]", "_", Path(given).stem), given)
         if isinstance(given, str | Path)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from spgf_torch.affordance.config import JUDGE
+from spgf_torch.compiled import loops_kept, loops_wanted
 from spgf_torch.experiment.config import TrainConfig, is_recorded
 from spgf_torch.files.run_settings import write_settings
 from spgf_torch.progress import ProgressReporter
@@ -51,6 +52,14 @@ def run(config: TrainConfig, folder: Path, stages: ProgressReporter, tell: Tell)
     check_settings(config)
     place = check_name(config)
     cache = _opened(config)
+    with cache.going_on():
+        _run(config, folder, place, cache, stages, tell)
+
+
+def _run(
+    config: TrainConfig, folder: Path, place: Path | None, cache: Cache, stages: ProgressReporter, tell: Tell
+) -> None:
+    """`run`, of settings that were looked at; `place`: where the model is kept by a name, too."""
     start = time.perf_counter()
     if config.classwise and config.final_model:
         tell("classwise: each class is learned by itself, no model of all objects is kept")
@@ -140,6 +149,7 @@ def _votes(
 
     taught, design = material.taught, material.design
     objects = taught.objects()
+    _tell_of_compiling(tell)
     if (dictionary := load_dictionary(config, design, objects)) is not None:
         tell(dictionary.told)
     describer = _describer(config, cache)
@@ -157,6 +167,12 @@ def _votes(
     if dictionary is not None:
         results["prototypes_from"] = dict(dictionary.about)
     return results | _saved(config, folder, material, learned, describer, results)
+
+
+def _tell_of_compiling(tell: Tell) -> None:
+    """That the first steps of the stages take longer, where this machine has no compiled loops yet."""
+    if loops_wanted() and not loops_kept("kmeans.add_nearest"):
+        tell("compiling inner loops, once on this machine: some two minutes, in the first steps of the stages")
 
 
 def _measured(config: TrainConfig, folder: Path, material: Material, learned: Learned) -> dict[str, Any]:

@@ -10,12 +10,12 @@ from tutorial_reader import RUN, SYSTEM, Block, Reader, blocks, command_lines, s
 
 PAGES = sorted((ROOT / "docs/tutorials").glob("*.md"))
 # How many blocks of a page no test can run, each with its reason on the page.
-NOT_RUN = {"first_grasp": 1, "cluster": 2}
-# Pages of which a run trains or clears, 40 s of a processor each: `make tutorials` runs them, the suite composes their
-# commands (tests/test_docs.py).
-LONG = ("clutter", "own_hand", "own_objects")
+NOT_RUN = {"first_grasp": 1, "cluster": 2, "server": 2}
+# Pages of which a run trains or clears, 40 s of a processor each, or starts a server, as tests/serving do:
+# `make tutorials` runs them, the suite composes their commands (tests/test_docs.py).
+LONG = ("clutter", "own_hand", "own_objects", "server")
 # What an extra brings, without which a page is of no use.
-EXTRAS = {"cluster": "distributed"}
+EXTRAS = {"cluster": "distributed", "server": "uvicorn"}
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def folder(tmp_path: Path) -> Iterator[Path]:
 @pytest.mark.filterwarnings("ignore::UserWarning")  # a scene's notes
 def test_a_tutorial_does_what_it_says(page: Path, folder: Path) -> None:
     if page.stem in LONG and os.environ.get("SPGF_TUTORIALS") != "all":
-        pytest.skip("trains or clears: make tutorials")
+        pytest.skip("trains, clears or serves: make tutorials")
     if page.stem in EXTRAS:
         pytest.importorskip(EXTRAS[page.stem])
     reader = Reader()

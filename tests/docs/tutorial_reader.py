@@ -17,6 +17,7 @@ import re
 import shlex
 import shutil
 import socket
+import subprocess
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
@@ -107,8 +108,10 @@ class Reader:
         return "".join(self.line(words, block.added) for words in command_lines(text))
 
     def close(self) -> None:
-        """Close what the page's program has opened and not closed, such as a cluster."""
+        """Close what the page's program has opened and not closed, such as a cluster, or a process."""
         for opened in self.names.values():
+            if isinstance(opened, subprocess.Popen):
+                opened.kill()  # else it would be waited for
             if isinstance(opened, AbstractContextManager):
                 opened.__exit__(None, None, None)
 

@@ -155,7 +155,7 @@ def test_saved_grasps_and_their_cloud_move_together(path: Path, tmp_path: Path) 
     first = trimesh.load_scene(path)
     for name in ("cloud", "obstacles", "table", "rank_1_WPG"):
         np.testing.assert_allclose(points_of(scene, name) - points_of(first, name) - T[:3, 3], 0, atol=1e-6)
-    replace(grasps, source=None).save(tmp_path, ["glb"])
+    replace(grasps, source=None).save(tmp_path, ["glb"], replace=True)
     assert len(trimesh.load_scene(tmp_path / "grasps.glb").geometry) == 3
 
 

@@ -14,6 +14,7 @@ from spgf_torch.errors import InputError
 from spgf_torch.formats.grasps_json import read_grasps
 from spgf_torch.formats.isaac import read_isaac
 from spgf_torch.grasps.grasps import Grasps
+from spgf_torch.grasps.saving import NAMES
 from spgf_torch.hands.records import Grasp
 
 # A quarter turn about z, then 1, 2, 3 m: (x, y, z) -> (1 - y, 2 + x, 3 + z).
@@ -134,6 +135,21 @@ def test_every_format_by_its_name(tmp_path: Path) -> None:
     assert [path.name for path in grasps.save(tmp_path / "two", ["moveit", "json", "moveit"])] == [files[2], files[0]]
 
 
+def test_what_was_saved_stays_unless_it_is_to_be_replaced(tmp_path: Path) -> None:
+    grasps = three()
+    grasps[:1].save(tmp_path, ["moveit", "json"])
+    before = (tmp_path / "grasps.json").read_bytes()
+    with pytest.raises(
+        InputError, match=r"folder: expected one without grasps\.json, got .*; replace=True replaces it"
+    ):
+        grasps.save(tmp_path, ["glb", "json"])
+    assert (tmp_path / "grasps.json").read_bytes() == before and not (tmp_path / "grasps.glb").exists()
+    grasps.save(tmp_path, "glb")
+    written = [path.name for path in grasps.save(tmp_path, replace=True)]
+    assert written == [name for each, names in NAMES.items() if each != "page" for name in names]
+    assert len(json.loads((tmp_path / "grasps.json").read_text())["grasps"]) == 3
+
+
 def test_who_saves_learns_what_graspnet_cannot_say(tmp_path: Path) -> None:
     """Three fingers are no jaw."""
     fingers = Grasps(three().grasps, {**GRIPPERS, "NPG": replace(GRIPPERS["NPG"], jaw=False)})
@@ -148,11 +164,14 @@ def test_what_cannot_be_saved_is_told_and_nothing_is_written(tmp_path: Path) -> 
         ("issac", "got 'issac'; did you mean isaac"),
         (["json", "yaml"], "formats: expected some of json, isaac, moveit, graspnet.*; got 'yaml'"),
         ([], "got none"),
+        (3, "formats: expected some of json, .*; got 3"),
         ("page", "got some without their scene"),
     ):
         with pytest.raises(InputError, match=words):
             three().save(tmp_path / "out", formats)
     assert not (tmp_path / "out").exists()
     (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="folder: expected a path, got 3"):
+        three().save(3)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="folder: expected a folder, or none yet"):
         three().save(tmp_path / "file")

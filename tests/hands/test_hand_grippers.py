@@ -1,6 +1,7 @@
 """The shipped hand as grippers, against numbers worked out by hand."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -71,6 +72,15 @@ def test_a_mimic_joint_is_not_active() -> None:
     assert wide.closed == pytest.approx({"panda_finger_joint1": 0, "panda_finger_joint2": 0}, abs=1e-9)
     assert wide.joints["panda_finger_joint2"] == pytest.approx(wide.width / 2)
     assert wide.depth == pytest.approx(0.0088, abs=1e-6)
+
+
+def test_a_residue_of_the_search_for_the_opening_is_no_angle(hand: Hand) -> None:
+    """What is told of a joint that stands at 0 is 0, whatever the physics starts at; all else is told to the digit."""
+    held = {**hand.preshapes["WPG"].joints, "thumb_distal_joint": 7e-9, "finger_1_distal_joint": -2e-7}
+    odd = replace(hand, preshapes={"WPG": replace(hand.preshapes["WPG"], joints=held, closed=held)})
+    told = grippers_of(odd)["WPG"]
+    assert told.joints == told.closed == {**held, "thumb_distal_joint": 0.0}
+    assert odd.preshapes["WPG"].joints["thumb_distal_joint"] == 7e-9
 
 
 def test_unusable_grasps_are_told_in_one_line() -> None:

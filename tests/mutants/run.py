@@ -42,6 +42,7 @@ FEATURES = [*(f"ops/test_ops_{name}.py" for name in RINGS), "features", "ops/tes
 CLUSTERS = ["ops/test_ops.py", "prototypes"]
 CELLS = ["affordance", "ops/test_ops.py"]
 LEARNER = ["affordance", "experiment/test_leakage.py", "experiment/test_golden.py"]
+SEARCH = ["deepest_free", "extents", "facing_gap", "leaves", "nearest_piece", "pad_numbers", "push_loops"]
 QUICK = ["phases", "worker", "run_state", "table", "one_finger", "seeds"]
 
 # The tests nearest to a module: those of the longest beginning of its name, the quick ones first.
@@ -58,6 +59,8 @@ NEAREST = {
     "ops/neighbours": ["ops/test_ops_neighbours.py", "ops/test_ops.py", "features"],
     "ops/points_in_volume": ["affordance/test_sensed_collision.py", "ops/test_ops.py", "proposing"],
     "ops/farthest_first": ["proposing/test_proposing_sampling.py", "ops/test_ops.py"],
+    **{f"ops/{name}": ["ops/test_ops.py", "proposing"] for name in SEARCH},
+    "ops/depth_behind": ["sensing/test_sensing_unseen.py", "ops/test_ops.py", "proposing"],
     "prototypes/": ["prototypes"],
     "affordance/": LEARNER,
     "proposing/": ["proposing"],

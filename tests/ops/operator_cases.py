@@ -1,5 +1,6 @@
 """Arguments that every operator is tried with: small, of a seed, and reaching every branch."""
 
+import proposal_cases
 import torch
 from torch import Tensor
 
@@ -235,5 +236,6 @@ CASES = {
         outcome_counts,
         condense,
         farthest_first,
+        *proposal_cases.CASES,
     )
 }

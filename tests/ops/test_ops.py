@@ -12,8 +12,9 @@ from torch import Tensor
 
 import spgf_torch
 from spgf_torch import ops
+from spgf_torch.compiled import loops_wanted
 from spgf_torch.errors import InputError
-from spgf_torch.ops.registration import OPERATORS, compiled_wanted
+from spgf_torch.ops.registration import OPERATORS
 
 for module in pkgutil.iter_modules(ops.__path__):
     importlib.import_module(f"spgf_torch.ops.{module.name}")
@@ -95,7 +96,7 @@ def test_operators_stand_below_all_rooms() -> None:
 
 def test_the_switch_takes_two_words(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SPGF_OPS", "torch")
-    assert not compiled_wanted()
+    assert not loops_wanted()
     monkeypatch.setenv("SPGF_OPS", "fast")
     with pytest.raises(InputError, match="SPGF_OPS: expected compiled or torch in the environment, got 'fast'"):
-        compiled_wanted()
+        loops_wanted()

@@ -7,11 +7,12 @@ import pytest
 import torch
 from proposing_models import VOLUMES
 
+from spgf_torch.ops.facing_gap import facing_gap
 from spgf_torch.proposing.clearance import Clearance
 from spgf_torch.proposing.config import HypothesesConfig, proposing_named
 from spgf_torch.proposing.hypotheses import Hypotheses, Search
 from spgf_torch.proposing.judge_features import Seen
-from spgf_torch.proposing.one_thing import facing_gap, one_thing
+from spgf_torch.proposing.one_thing import one_thing
 from spgf_torch.sensing.texlets import Texlets
 from spgf_torch.settings import settings
 
@@ -56,8 +57,7 @@ def test_the_gap_equals_a_slow_loop() -> None:
     generator = np.random.default_rng(0)
     x = generator.normal(0, 0.01, (30, 25)).astype(np.float32)
     facing, between = generator.uniform(-1, 1, (30, 25)).astype(np.float32), generator.random((30, 25)) < 0.7
-    gap = np.zeros(30, np.float32)
-    facing_gap(x, facing, between, gap)
+    gap = facing_gap(*map(torch.from_numpy, (x, facing, between)))
     for g in range(30):
         towards = x[g, between[g] & (facing[g] > 0.5)]
         back = x[g, between[g] & (facing[g] < -0.5)]

@@ -13,6 +13,7 @@ from asymmetric import GRIPPERS
 from commands import ROOT
 from proposing_models import CONFIG, VOLUMES, learned
 
+import spgf_torch
 from spgf_torch.errors import InputError
 from spgf_torch.hands.records import Grasp
 from spgf_torch.predictor import Predictor, block
@@ -67,6 +68,31 @@ def test_an_answer_is_true_or_false(said: Any) -> None:
 def test_an_error_in_it_is_the_callers() -> None:
     with pytest.raises(ZeroDivisionError):
         bare.grasps(proposals(), 1, lambda grasp: bool(1 // int(grasp.score > 2)))
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: spgf_torch.load(3), "model: expected the name of a model or a folder, got 3"),
+        (
+            lambda: spgf_torch.load("panda", judge=["x"]),
+            r"judge: expected the name of a model or a folder, got \['x'\]",
+        ),
+        (lambda: spgf_torch.load("panda", proposing=3), "proposing: expected one of clutter, particles; got 3"),
+        (lambda: spgf_torch.load_hand_file(3), "3: expected the path of a file or folder, got int"),
+        (lambda: bare.predict(block(0.005), top="3"), "top: expected a whole number from 1, got '3'"),
+        (lambda: bare.predict(block(0.005), plane=[0, 0, 1]), r"plane: expected 4 finite numbers, got \[0, 0, 1\]"),
+        (lambda: bare.predict(block(0.005), plane="find"), "plane: expected 4 numbers, got 'find'"),
+        (lambda: bare.predict(np.zeros((9, 3))), "scene: expected a Scene or Texlets, got ndarray"),
+        (
+            lambda: spgf_torch.Scene.from_points(np.ones((9, 3)), sensing=3),
+            r"sensing: expected a model's \(model\.sensing\), got 3",
+        ),
+    ],
+)
+def test_values_of_another_type_are_told(call: Callable[[], Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        call()
 
 
 def by_votes() -> Predictor:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import yaml
 from PIL import Image
 
 from spgf_torch.errors import InputError
+from spgf_torch.scene.arrays import view_of_arrays
 from spgf_torch.scene.assembly import read_scene, scene_of_views
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.depth import camera_of, every, learned_stride
@@ -19,7 +21,7 @@ from spgf_torch.scene.intrinsics import Intrinsics, read_intrinsics
 from spgf_torch.scene.labels import read_mask
 from spgf_torch.scene.poses import read_poses
 from spgf_torch.scene.scene import Scene
-from spgf_torch.scene.views import View
+from spgf_torch.scene.views import View, read_views
 from spgf_torch.sensing.cameras import Camera, cast, look_at
 from spgf_torch.sensing.config import SensingConfig
 from spgf_torch.sensing.texlets import extract
@@ -351,3 +353,24 @@ def test_settings_that_do_not_fit(
     with pytest.raises(InputError, match=message) as caught:
         read(save(tmp_path, images, **there))
     assert "\n" not in str(caught.value)
+
+
+def test_a_cloud_with_intrinsics_is_told_not_its_viewpoint(tmp_path: Path) -> None:
+    cloud = tmp_path / "cloud.ply"
+    cloud.write_text("ply\n")
+    config = settings(SceneConfig, input=str(cloud), intrinsics=[100, 100, 50, 40], viewpoints=[[0, 0, 0]])
+    with pytest.raises(InputError, match=r"cloud\.ply: expected a depth image .* got .ply .*leave intrinsics out"):
+        read(config)
+
+
+@pytest.mark.parametrize(("scale", "taken"), [(None, 0.0002), (0.001, 0.001)])
+def test_a_view_knows_what_its_counts_were_taken_for(
+    scale: float | None, taken: float, images: list[tuple[np.ndarray, Camera]], tmp_path: Path
+) -> None:
+    """What other scales are offered against: that of the camera's file, unless the setting says another."""
+    config = save(tmp_path, images[:1], depth_scale=scale)
+    (tmp_path / "K.json").write_text(json.dumps({"cam_K": K.ravel().tolist(), "depth_scale": 0.2}))
+    one = replace(config, intrinsics=str(tmp_path / "K.json"), poses=None)
+    assert [view.scale for view in read_views([tmp_path / "0.png"], one)] == [pytest.approx(taken)]
+    lengths = view_of_arrays(images[0][0], K)
+    assert lengths.scale is None and view_of_arrays((1000 * images[0][0]).astype(np.int32), K).scale == 0.001

@@ -74,6 +74,51 @@ def test_columns(content: str, normals: bool, note: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
+    ("content", "note"),
+    [
+        (rows(P, RGB), "6 columns without names: columns 4 to 6 taken for colours"),
+        (rows(P, RGB / 255), "6 columns without names: columns 4 to 6 taken for colours"),
+        (rows(P, I, RGB), "7 columns without names: columns 5 to 7 taken for colours, the others after z left out"),
+        (
+            rows(P, N, RGB),
+            "9 columns without names: columns 4 to 6, of length 1, taken for normals, columns 7 to 9 taken for colours",
+        ),
+        ("//X,Y,Z,R,G,B,Nx,Ny,Nz\n" + rows(P, RGB, N, sep=","), None),
+        ("blue,x,y,z,green,red\n" + rows(RGB[:, 2:], P, RGB[:, 1:2], RGB[:, :1], sep=","), None),
+    ],
+)
+def test_colours_of_columns_that_are_clearly_some(content: str, note: str | None, tmp_path: Path) -> None:
+    """Bytes, or shares of 1; by name, or where three columns in a row can be nothing else."""
+    path = tmp_path / "a.xyz"
+    path.write_text(content)
+    cloud = read_cloud(path, LIMIT)
+    assert cloud.colours is not None and cloud.colours.dtype == np.uint8
+    np.testing.assert_array_equal(cloud.colours, RGB)
+    np.testing.assert_allclose(cloud.points, P, atol=1e-5)
+    assert cloud.notes == (() if note is None else (note,))
+
+
+def test_colours_that_may_be_something_else_are_left_out(tmp_path: Path) -> None:
+    """With a column of opacity two places may be colours; words and numbers above 255 are none. Points stay."""
+    for content in (
+        rows(P, RGB, np.full((40, 1), 255)),
+        "x,y,z,r,g,b\n" + rows(P, RGB + 300, sep=","),
+        "x,y,z,red,green,blue\n" + rows(P, sep=",").replace("\n", ",dark,dim,pale\n"),
+    ):
+        (tmp_path / "a.csv").write_text(content)
+        cloud = read_cloud(tmp_path / "a.csv", LIMIT)
+        assert cloud.colours is None
+        np.testing.assert_allclose(cloud.points, P, atol=1e-5)
+
+
+def test_a_point_without_a_reading_takes_its_colour_along(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("nan nan nan nan nan nan\n" + rows(P, RGB) + "0 0 0 7 7 7\n")
+    np.save(tmp_path / "a.npy", np.hstack([P, RGB]))
+    for name in ("a.txt", "a.npy"):
+        np.testing.assert_array_equal(read_cloud(tmp_path / name, LIMIT).colours, RGB)
+
+
+@pytest.mark.parametrize(
     ("content", "message"),
     [
         (rows(P, N, N), "expected 3 columns x y z or 6 with normals .* got 9; write a first line"),

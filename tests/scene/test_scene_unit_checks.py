@@ -7,9 +7,9 @@ import pytest
 import trimesh
 
 from spgf_torch.errors import InputError
-from spgf_torch.scene.cloud import Cloud
 from spgf_torch.scene.config import SceneConfig
 from spgf_torch.scene.depth import pixel_points
+from spgf_torch.scene.planes import LargestPlane
 from spgf_torch.scene.unit_checks import check_depth_image, size_notes
 from spgf_torch.scene.views import View
 from spgf_torch.sensing.cameras import Camera, cast, intrinsics, look_at
@@ -32,8 +32,8 @@ def ideal() -> tuple[np.ndarray, np.ndarray]:
     return cast(trimesh.util.concatenate([box, ball, table]), CAMERA)
 
 
-def view(depth: np.ndarray) -> View:
-    return View(depth, CAMERA, None, "depth.npy")
+def view(depth: np.ndarray, scale: float | None = 0.001) -> View:
+    return View(depth, CAMERA, None, "depth.npy", scale=scale)
 
 
 @pytest.mark.parametrize("kind", ["clean", "rounded", "kinect"])
@@ -89,7 +89,7 @@ def test_another_depth_scale_is_told(factor: float, alone: bool, ideal: tuple[np
     points = pixel_points(depth, CAMERA)[depth > 0]
     chosen = points[points[:, 2] - EYE[2] * (1 - factor) > 0.008 * factor] if alone else points
     moved = chosen - EYE
-    notes = size_notes([Cloud(moved)], [view(depth)], settings(SceneConfig), alone)
+    notes = size_notes(LargestPlane(moved, settings(SceneConfig)), [view(depth)], alone)
     assert "median" in notes[0]
     assert any("depth_scale" in note for note in notes[1:]) == (factor != 1), notes
 
@@ -102,16 +102,19 @@ def test_a_depth_scale_that_was_stated_is_what_others_are_told_against(
 ) -> None:
     """Millimetres that were read as something else: the scale that is right is offered, not one ten times off."""
     depth = factor * ideal[0]
-    points, config = pixel_points(depth, CAMERA)[depth > 0], settings(SceneConfig, depth_scale=stated)
+    points, config = pixel_points(depth, CAMERA)[depth > 0], settings(SceneConfig)
     chosen = points[points[:, 2] - EYE[2] * (1 - factor) > 0.008 * factor]
-    lines = size_notes([Cloud(chosen - EYE)], [view(depth)], config, True)
+    largest = LargestPlane(chosen - EYE, config)
+    lines = size_notes(largest, [view(depth, stated)], True)
     (line,) = [note for note in lines if "depth_scale" in note]
     assert remedy in line and f"{stated:g} (" not in line
+    (line,) = [note for note in size_notes(largest, [view(depth, None)], True) if "warn" in note]
+    assert "depth_scale" not in line and "unit=m" in line  # of lengths, which no depth_scale is taken with
 
 
 @pytest.mark.parametrize(("factor", "odd"), [(1, False), (10, True), (100, True), (0.1, True)])
 def test_another_unit_of_a_cloud_is_told(factor: float, odd: bool) -> None:
     up = np.random.default_rng(0).normal(size=(4000, 3))
     ball = factor * 0.05 * up / np.linalg.norm(up, axis=1, keepdims=True)
-    notes = size_notes([Cloud(ball)], None, settings(SceneConfig), True)
+    notes = size_notes(LargestPlane(ball, settings(SceneConfig)), None, True)
     assert any("unit=m" in note for note in notes[1:]) == odd

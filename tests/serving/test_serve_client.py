@@ -79,5 +79,68 @@ def test_nobody_there_and_no_file_are_told() -> None:
     ) as told:
         Client("http://127.0.0.1:9/", timeout=5).health()
     assert told.value.status is None and told.value.retry_after is None
-    with pytest.raises(ServeError, match=r"missing\.ply: expected a file, got No such file"):
+    with pytest.raises(ServeError, match=r"missing\.ply: expected a file, got No such file") as told:
         Client().grasps(file="missing.ply")
+    assert told.value.status == 400
+
+
+@pytest.mark.parametrize(
+    ("given", "line"),
+    [
+        ({"points": [[0, 0, 0]], "top": {1}}, "top: expected numbers or words, got set"),
+        ({"points": [[1, 2], [3, [4]]]}, "points: expected numbers in rows of one length, got "),
+        ({"depth": [[1, 2]], "mask": [[0.5, 1]]}, "mask: expected whole numbers in rows of one length, got "),
+        ({"depth": [[1, 2]], "T_input_camera": {1}}, "T_input_camera: expected numbers or words, got dict"),
+        ({"points": [[0, 0, 0]], "normals": [[{1}, 0, 0]]}, "points: expected numbers or words, got dict"),
+        ({"file": 3}, "input: expected the path of a file, got int"),
+    ],
+)
+def test_what_cannot_be_sent_is_one_line(given: dict[str, Any], line: str) -> None:
+    with pytest.raises(ValueError, match=line) as told:
+        Client("http://127.0.0.1:9").grasps(**given)
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("words", "files", "settings"),
+    [
+        ("a.ply --viewpoint 1 -2 .3 --top 3", ["a.ply"], {"viewpoint": [1, -2, 0.3], "top": "3"}),
+        ("--viewpoint 1,-2,.3 a.ply", ["a.ply"], {"viewpoint": [1, -2, 0.3]}),
+        ("--viewpoint=1,2,3 --table find a.ply b.ply", ["a.ply", "b.ply"], {"viewpoint": [1, 2, 3], "table": "find"}),
+        ("a.ply --viewpoint 1 2 3 --viewpoint 4 5 6", ["a.ply"], {"viewpoint": [[1, 2, 3], [4, 5, 6]]}),
+        ("d.png --intrinsics 130 131 60 45", ["d.png"], {"intrinsics": [130, 131, 60, 45]}),
+        ("d.png --K K.txt --crop-low [0,0,0]", ["d.png"], {"K": "K.txt", "crop_low": "[0,0,0]"}),
+        ("a.ply --types NPG,WPG", ["a.ply"], {"types": "NPG,WPG"}),
+    ],
+)
+def test_its_command_takes_rows_of_numbers_as_the_package_does(
+    words: str, files: list[str], settings: dict[str, Any]
+) -> None:
+    assert client._asked_for(words.split()) == (files, settings)
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "line"),
+    [
+        ("a.ply --viewpoint a b c", 2, "client: --viewpoint: expected 3 numbers after it, got a b c"),
+        ("a.ply --viewpoint 1 2 --top 3", 2, "client: --viewpoint: expected 3 numbers after it, got 1 2"),
+        ("a.ply --top", 2, "client: --top: expected a value after it, got none"),
+        ("a.ply --top --table find", 2, "client: --top: expected a value after it, got --table"),
+        ("a.ply --top 3 --top 4", 2, "client: --top: expected one value, got 3 and 4"),
+        ("--top 3", 2, "client: expected a file with --top, got none"),
+        ("a.ply --points x", 2, "client: --points: expected files as words"),
+        ("gone.ply", 2, "client: gone.ply: expected a file, got No such file or directory"),
+        ("a.ply --timeout soon", 2, "client: argument --timeout: invalid float value: 'soon'"),
+        ("--url http://127.0.0.1:9", 1, "client: http://127.0.0.1:9: expected an answer of spgf serve"),
+    ],
+)
+def test_its_command_says_in_one_line_what_is_wrong(
+    words: str, status: int, line: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["client.py", *words.split()])
+    try:
+        left: Any = client.main()
+    except SystemExit as end:
+        left = end.code
+    told = capsys.readouterr()
+    assert left == status and told.err.startswith(line) and told.err.count("\n") == 1 and not told.out

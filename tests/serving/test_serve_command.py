@@ -26,6 +26,7 @@ from PIL import Image
 from serving_machines import Running, Told, serving
 
 import spgf_torch
+from spgf_torch.drawing.grasp_beside import model_words
 from spgf_torch.sensing.cameras import Camera, cast, look_at
 from spgf_torch.serving.client import Client, ServeError
 from spgf_torch.serving.predicting import identity
@@ -134,6 +135,8 @@ def test_the_page_of_a_result_as_long_as_it_is_kept(server: Running, client: Cli
     assert gone.json["error"] == "expected one of the latest 1 results (kept), got none of this name"
     page = server.ask("GET", last["page"])
     assert page.status == 200 and page.headers["content-type"].startswith("text/html") and b"WPG" in page.body
+    assert b"<title>Grasps for points.npy</title>" in page.body and b"<dt>date</dt>" in page.body
+    assert f"<dt>model</dt><dd>{model_words(ROOT / 'data/models/panda')}</dd>".encode() in page.body
     assert b"spgf_serve" not in page.body and server.ask("GET", "/health").json["last"] == last["id"]
     assert client.page(last) == f"{server.url}{last['page']}"
 
@@ -169,18 +172,18 @@ def hostile() -> list[tuple[str, bytes, str, str]]:
     points = np.random.default_rng(0).normal(size=(100, 3))
     pixels = "?intrinsics=100,100,50,50"
     return [
-        ("cut", ply(200, points), "", "input.ply: expected"),
-        ("nan", npy(np.full((100, 3), np.nan)), "", "input.npy: expected"),
+        ("cut", ply(200, points), "", "body: expected"),
+        ("nan", npy(np.full((100, 3), np.nan)), "", "body: expected"),
         (
             "shape",
             npy(points[:, :2]),
             "",
-            "input.npy: points: expected shape (N, 3), (N, 6) or (H, W, 3), got (100, 2)",
+            "body: points: expected shape (N, 3), (N, 6) or (H, W, 3), got (100, 2)",
         ),
-        ("objects", npy(np.array([{}, None])), "", "input.npy: expected arrays of numbers, got pickled Python objects"),
+        ("objects", npy(np.array([{}, None])), "", "body: expected arrays of numbers, got pickled Python objects"),
         ("pickle", pickle.dumps([1]), "", "body: expected"),
-        ("zip", bomb(), "", "input.npz: "),
-        ("png", large_png(1000), pixels, "input.png: expected at most 200000 pixels (max_points), got 1000 x 1000"),
+        ("zip", bomb(), "", "body: "),
+        ("png", large_png(1000), pixels, "body: expected at most 200000 pixels (max_points), got 1000 x 1000"),
         ("larger png", large_png(100_000), pixels, "could be decompression bomb"),
         ("nested", b'{"points":' + b"[" * 100_000 + b"]" * 100_000 + b"}", "", "expected a JSON object"),
         ("words", b'{"points": [["a", "b", "c"]]}', "", "points: expected numbers in rows of one length"),
@@ -188,7 +191,7 @@ def hostile() -> list[tuple[str, bytes, str, str]]:
         ("key", b'{"points": [[1, 2, 3]], "mask": "/etc/passwd"}', "", "mask: expected"),
         ("file", b'{"points": [[1, 2, 3]], "poses": "/etc/passwd"}', "", "poses: expected a file in the request"),
         ("environment", npy(points), "?table=${oc.env:PATH}", "table: expected a plain value"),
-        ("many", npy(np.ones((200_001, 3), np.float16)), "", "input.npy: expected at most 200000 points (max_points)"),
+        ("many", npy(np.ones((200_001, 3), np.float16)), "", "body: expected at most 200000 points (max_points)"),
         ("more", npy(points), "?max_points=300000", "max_points: expected a whole number up to 200000, got 300000"),
         ("top", npy(points + 5), "?top=0", "top: expected a whole number from 1"),
         ("types", npy(points), "?types=XYZ", "types: expected some of NPG, WPG; got 'XYZ'"),
@@ -211,6 +214,9 @@ def test_of_a_files_name_the_suffix_alone_counts(server: Running, cloud: np.ndar
     sent = mark % (b'"table"', b"find") + mark % (b'"top"', b"1") + mark % (name, npy(cloud)) + b"--m--\r\n"
     told = asked(server, sent, "?viewpoint=0.38,0.1,0.36", "multipart/form-data; boundary=m")
     assert told.status == 200 and told.json["grasps"] and not Path("/tmp/escaped.npy").exists()
+    nothing = mark % (name, npy(np.full((9, 3), np.nan))) + b"--m--\r\n"
+    told = asked(server, nothing, "", "multipart/form-data; boundary=m")
+    assert told.status == 400 and told.json["error"].startswith("escaped.npy: expected points, got none")
     told = asked(
         server, mark % (b'"model"; filename="a.npy"', npy(cloud)) + b"--m--\r\n", "", "multipart/form-data; boundary=m"
     )
@@ -246,7 +252,7 @@ def test_the_client_tells_what_is_wrong(server: Running, client: Client, tmp_pat
         capture_output=True,
         text=True,
     )
-    assert (done.returncode, done.stderr) == (1, "client: voxel: expected a number from 0.0005 to 0.05, got 7.0\n")
+    assert (done.returncode, done.stderr) == (2, "client: voxel: expected a number from 0.0005 to 0.05, got 7.0\n")
 
 
 @pytest.mark.skipif(shutil.which("curl") is None, reason="no curl here")

@@ -232,6 +232,6 @@ def test_simulate_train_evaluate(tmp_path: Path):
     evaluate.run(settled("evaluate", EvaluateConfig, *held, "hand=panda"), tmp_path)
     (row,) = json.loads((tmp_path / "results.json").read_text())["per_object"]
     assert row["object"] == "block" and 0 <= row["CG"] <= 1
-    told = r"expected a model learned with this hand \(sdh2\), got one of panda; give the model.s own: hand=NAME"
+    told = r"expected a model learned with this hand \(sdh2\), got one of panda; give the model.s own: hand=panda$"
     with pytest.raises(InputError, match=told):
         evaluate.run(settled("evaluate", EvaluateConfig, *held), tmp_path)

@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import shutil
+import signal
 import sys
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from spgf_torch.simulation.config import SimulateConfig
 from spgf_torch.simulation.executors import InlineExecutor
 from spgf_torch.simulation.generation import Generation
 from spgf_torch.simulation.table import OUTCOMES, read_table
+from spgf_torch.terminal import Ended
 
 ROOT = Path(__file__).parents[2]
 
@@ -145,12 +147,18 @@ def test_a_full_disk_is_one_line(place: Path, monkeypatch: pytest.MonkeyPatch) -
         simulate.run(config("objects=objects", "candidates=3", "out=table"), Path("run"))
 
 
+def noted(error: BaseException, note: str) -> BaseException:
+    error.add_note(note)
+    return error
+
+
 @pytest.mark.parametrize(
     ("error", "status", "told"),
     [
         (IncompleteError("egg: two\nlines"), 1, "report: egg: two lines\n"),
         (OSError(errno.ENOSPC, "No space left on device", "results.json"), 1, "report: results.json: No space left on"),
         (KeyboardInterrupt(), 130, "report: interrupted\n"),
+        (noted(Ended(signal.SIGTERM), "kept in x"), 143, "report: ended by SIGTERM; kept in x\n"),
     ],
 )
 def test_how_a_command_ends(

@@ -105,6 +105,20 @@ def test_meshes_are_kept_as_they_were_given(tmp_path: Path) -> None:
         kept_objects([tmp_path / "my block.stl", tmp_path / "my block.stl"], tmp_path / "twice")
 
 
+def test_a_mesh_that_cannot_be_used_is_told_by_the_file_that_was_given(tmp_path: Path) -> None:
+    """An open one: the copy in the run's folder, which goes, is not what its owner knows."""
+    block = trimesh.creation.box((0.04, 0.06, 0.08))
+    halves = trimesh.Trimesh(block.vertices, block.faces[:5])
+    halves.export(tmp_path / "my half.stl")
+    for objects, name in (
+        ([tmp_path / "my half.stl"], f"{tmp_path}/my half.stl: "),
+        ({"half": halves}, "objects: half: "),
+    ):
+        with pytest.raises(InputError) as error:
+            trained(objects, None, trials=None, random_trials=6, workers=1, category="boxes")
+        assert str(error.value).startswith(name) and "spgf_torch_" not in str(error.value), error.value
+
+
 def test_without_trials_random_ones_are_made(tmp_path: Path) -> None:
     """On a mesh of one's own; they are kept beside the model, and the settings name them."""
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.03)

@@ -1,15 +1,18 @@
-"""The compiled search for free places: equal to looking at every pose by itself."""
+"""The search for free places: equal to looking at every pose by itself; no point of a hand lies in an empty cell."""
 
 import pytest
 import torch
 from proposing_models import VOLUMES
 
+from spgf_torch.affordance.sensed_collision import HandVolume
 from spgf_torch.geometry import se3
+from spgf_torch.ops.push_loops import CELL, ROOM
 from spgf_torch.predictor import block
+from spgf_torch.proposing import volume_cells
 from spgf_torch.proposing.clearance import Clearance, Plane, Surroundings
 from spgf_torch.proposing.config import HypothesesConfig
 from spgf_torch.proposing.hypotheses import Search, frames, local, moved, places, profile
-from spgf_torch.proposing.push_loops import CELL, ROOM, pieces_of
+from spgf_torch.proposing.volume_cells import with_cells
 from spgf_torch.settings import settings
 
 CONFIG = settings(HypothesesConfig, seeds=4, hypotheses=100_000)
@@ -17,6 +20,7 @@ SEARCH = Search.of(Clearance(VOLUMES, 0.005, 0.01, 0.004), CONFIG)
 SWEPT = Search.of(Clearance(VOLUMES, 0.005, 0.01, 0.004, way=0.05, unseen_on_way=True), CONFIG)
 BLOCK = block(0.005, 0.03)
 WALL = torch.cartesian_prod(torch.tensor([0.03]), torch.linspace(-0.1, 0.1, 30), torch.linspace(-0.1, 0.1, 30))
+X = (0.0, 0.03, 0.06, 0.09)  # m
 TABLE = Plane.of((0.0, 0.0, 1.0), -0.015)
 
 
@@ -66,17 +70,19 @@ def test_no_point_of_a_hand_is_in_an_empty_cell() -> None:
     volume = VOLUMES["WPG"]
     turned = tuple(torch.cat([piece[:, :3] @ turn.T, piece[:, 3:]], dim=1) for piece in volume.planes)
     reach = torch.maximum(volume.low.abs(), volume.high.abs()).norm()
-    bounds, planes, ends, cells = pieces_of(type(volume)(turned, -reach.expand(3), reach.expand(3)))
+    bounds, planes, end, cells = with_cells(type(volume)(turned, -reach.expand(3), reach.expand(3)))
     points = (2 * torch.rand(200_000, 3, generator=generator) - 1) * reach
     within = torch.stack([(points @ piece[:, :3].T <= piece[:, 3]).all(1) for piece in turned]).any(0)
-    assert ends.tolist() == torch.tensor([len(piece) for piece in turned]).cumsum(0).tolist() and ends[-1] == len(
-        planes
-    )
+    assert end.tolist() == torch.tensor([len(piece) for piece in turned]).cumsum(0).tolist()
+    assert end[-1] == len(planes)
     assert within.sum() > 100
     for off in (-ROOM, ROOM):
-        at = ((points[within] + off - torch.from_numpy(bounds[0]) + ROOM) / CELL + 1).long()
-        assert torch.from_numpy(cells)[at.unbind(1)].all()
-    assert cells.mean() < 0.5
+        at = ((points[within] + off - bounds[0] + ROOM) / CELL + 1).long()
+        bits = cells[at.unbind(1)]
+        for number, piece in enumerate(turned):
+            inside = (points[within] @ piece[:, :3].T <= piece[:, 3]).all(1)
+            assert ((bits[inside] >> number) & 1).all()
+    assert (cells != 0).float().mean() < 0.5
 
 
 def test_a_height_above_a_table_is_that_of_the_whole_hand() -> None:
@@ -87,3 +93,15 @@ def test_a_height_above_a_table_is_that_of_the_whole_hand() -> None:
         expected = SEARCH.clearance.free_of_plane(TABLE, T, torch.full((len(T),), code), retreat=0.05)
         assert 0 < expected.sum() < len(T)
         assert torch.equal(T[:, :3, 3] @ TABLE.normal >= least, expected)
+
+
+def test_more_pieces_than_bits_share_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two of many small boxes in a row lie beyond the last bit: their cells hold it."""
+    monkeypatch.setattr(volume_cells, "PIECES", 2)
+    sides = torch.cat([torch.eye(3), -torch.eye(3)])
+    row = [torch.cat([sides, torch.tensor([x + 0.004, 0.004, 0.004, 0.004 - x, 0.004, 0.004])[:, None]], 1) for x in X]
+    low, high = torch.tensor([-0.004, -0.004, -0.004]), torch.tensor([X[-1] + 0.004, 0.004, 0.004])
+    cells = with_cells(HandVolume(tuple(row), low, high)).cells
+    at = [int((x - float(low[0]) + ROOM) / CELL) + 1 for x in X]
+    middle = (cells.shape[1] - 1) // 2
+    assert [int(cells[i, middle, middle]) for i in at] == [1, 2, 4, 4]
