@@ -55,36 +55,54 @@ def test_what_fails_leaves_the_old_one(tmp_path: Path) -> None:
     assert contents(tmp_path) == {"out/old": "old"} and len(list(tmp_path.iterdir())) == 1
 
 
+# Of each folder and moment a process of its own, forked: what they import takes seconds.
 KILLED = """
 import os, pathlib, signal, sys
 from spgf_torch.formats import card, folder
 from spgf_torch.files.digests import sealed_json
-out, when = pathlib.Path(sys.argv[1]), sys.argv[2]
 kill = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
-if when == "flushing": folder._flush = kill
-if when == "exchanged":
-    exchange = folder._exchange
-    folder._exchange = lambda *paths: (exchange(*paths), kill())
-with folder.replacing(out) as part:
-    (part / "new").write_text("new")
-    (part / card.CARD).write_bytes(sealed_json({"schema": 1, "files": card.checksums(part)}))
-    if when == "writing": kill()
+
+def export(out, when):
+    if when == "flushing": folder._flush = kill
+    if when == "exchanged":
+        exchange = folder._exchange
+        folder._exchange = lambda *paths: (exchange(*paths), kill())
+    with folder.replacing(out) as part:
+        (part / "new").write_text("new")
+        (part / card.CARD).write_bytes(sealed_json({"schema": 1, "files": card.checksums(part)}))
+        if when == "writing": kill()
+
+for when in sys.argv[2:]:
+    if (child := os.fork()) == 0:
+        export(pathlib.Path(sys.argv[1], when, "out"), when)
+        os._exit(0)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
+LEFT = {"writing": "old", "flushing": "old", "exchanged": "new"}
 
 
-@pytest.mark.parametrize(("when", "left"), [("writing", "old"), ("flushing", "old"), ("exchanged", "new")])
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
+    """A folder with an export of each moment at which a new one was killed, and how that ended."""
+    folder = tmp_path_factory.mktemp("killed")
+    for when in LEFT:
+        (folder / when).mkdir()
+        exported(folder / when / "out")
+    done = subprocess.run([sys.executable, "-c", KILLED, str(folder), *LEFT], capture_output=True, text=True)
+    return folder, dict(zip(LEFT, done.stdout.split(), strict=True))
+
+
+@pytest.mark.parametrize("when", LEFT)
 def test_a_killed_export_leaves_the_old_one_or_the_new_one(
-    when: str, left: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    when: str, killed: tuple[Path, dict[str, str]], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    out = exported(tmp_path / "out")
-    done = subprocess.run([sys.executable, "-c", KILLED, str(out), when])
-    assert done.returncode == -9 and contents(out) == {left: left}
-    capfd.readouterr()
-    with replacing(out) as part:
+    place, ended = killed[0] / when, killed[1]
+    assert ended[when] == "-9" and contents(place / "out") == {LEFT[when]: LEFT[when]}
+    with replacing(place / "out") as part:
         assert not list(part.iterdir())
         (part / "third").write_text("third")
     assert "removing what an export that was cut off left" in capfd.readouterr().err
-    assert contents(tmp_path) == {"out/third": "third"} and len(list(tmp_path.iterdir())) == 1
+    assert contents(place) == {"out/third": "third"} and len(list(place.iterdir())) == 1
 
 
 def test_two_at_once_are_refused(tmp_path: Path) -> None:
