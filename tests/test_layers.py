@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 
 from commands import ROOT
+from statements import statements
 
 CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
 # For each contract an import that breaks it, and where.
@@ -51,7 +52,7 @@ def test_what_is_imported_is_there() -> None:
     """Also within functions, which no other test may call."""
     missing = []
     for path in sorted(path for folder in ("spgf_torch", "tests") for path in (ROOT / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in statements(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "spgf_torch":
                 place = ROOT.joinpath(*str(node.module).split("."))
                 if not place.is_dir() and not place.with_suffix(".py").is_file():
