@@ -8,7 +8,7 @@ from scipy.spatial import ConvexHull, cKDTree
 from spgf_torch.errors import InputError
 from spgf_torch.geometry.convex_pieces import MAX_HULL_VERTICES, convex_pieces
 from spgf_torch.objects.config import CollisionConfig
-from spgf_torch.objects.shell import check_pieces, collision_pieces
+from spgf_torch.objects.shell import PieceCheck, check_pieces, collision_pieces
 from spgf_torch.settings import settings
 
 OUTER, INNER, HEIGHT, BOTTOM = 0.040, 0.037, 0.080, 0.003
@@ -61,8 +61,14 @@ def test_a_ball_is_few_pieces_within_the_limit_of_physx(config: CollisionConfig)
     assert check.volume_ratio == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_cup_keeps_its_cavity_and_its_volume(cup: trimesh.Trimesh, config: CollisionConfig) -> None:
-    pieces, check = collision_pieces(cup, config, "cup")
+@pytest.fixture(scope="module")
+def cut(cup: trimesh.Trimesh, config: CollisionConfig) -> tuple[tuple[np.ndarray, ...], PieceCheck]:
+    """The cup's pieces and what the check says of them."""
+    return collision_pieces(cup, config, "cup")
+
+
+def test_a_cup_keeps_its_cavity_and_its_volume(cut: tuple[tuple[np.ndarray, ...], PieceCheck]) -> None:
+    pieces, check = cut
     assert check.free_space_kept >= 0.95
     assert check.volume_ratio == pytest.approx(1.0, abs=0.15)
     axis = np.stack([np.zeros(50), np.zeros(50), np.linspace(0.006, HEIGHT, 50)], axis=1)
@@ -70,9 +76,9 @@ def test_a_cup_keeps_its_cavity_and_its_volume(cup: trimesh.Trimesh, config: Col
 
 
 def test_pieces_are_the_corners_of_their_hulls_and_the_same_every_time(
-    cup: trimesh.Trimesh, config: CollisionConfig
+    cup: trimesh.Trimesh, config: CollisionConfig, cut: tuple[tuple[np.ndarray, ...], PieceCheck]
 ) -> None:
-    pieces, again = convex_pieces(cup, config), convex_pieces(cup, config)
+    pieces, again = cut[0], convex_pieces(cup, config)
     assert all(len(ConvexHull(piece).vertices) == len(piece) for piece in pieces)
     assert all(np.array_equal(a, b) for a, b in zip(pieces, again, strict=True))
 
