@@ -25,7 +25,7 @@ FAMILIES = (
     {"Is", "IsNot"},
 )
 
-# Without `@compiled` a kernel does the same, slowly; variables are only replaced by name; of exceptions with a dot in
+# Without `@compiled` or `@lean` a kernel does the same, slowly; variables are only replaced by name; of exceptions with a dot in
 # their name Cosmic Ray makes nothing.
 LEFT_OUT = ("RemoveDecorator", "VariableInserter", "VariableReplacer", "ExceptionReplacer")
 
