@@ -10,17 +10,17 @@ import sys
 from pathlib import Path
 from spgf_torch.cli.command import run_command
 from spgf_torch.errors import InputError
-from spgf_torch.experiment.config import TrainConfig
+from spgf_torch.reporting.config import ReportConfig
 from spgf_torch.progress import show
 
-def run(config: TrainConfig, folder: Path) -> None:
+def run(config: ReportConfig, folder: Path) -> None:
     if config.seed == 1:
         raise InputError("seed: expected another one, got 1")
     (folder / "results.txt").write_text("done")
     show(f"in {folder}")
 
 if __name__ == "__main__":
-    run_command("train", TrainConfig, run)
+    run_command("report", ReportConfig, run)
 """
 
 
@@ -62,13 +62,13 @@ def test_a_folder_with_something_in_it_is_refused(folder: Path) -> None:
     """Before the settings are looked at, or anything is done."""
     before = tree(folder)
     for where in NOT_EMPTY:
-        done = here("toy.py", "K=5", *where, cwd=folder)
+        done = here("toy.py", "worst=5", *where, cwd=folder)
         assert done.returncode == 2 and "Traceback" not in done.stderr, where
         assert "new or an empty folder for the run" in done.stderr, where
     assert {name: text for name, text in tree(folder).items() if not name.startswith("outputs")} == before
 
 
-@pytest.mark.parametrize("setting", ["K=0", "seed=1"])
+@pytest.mark.parametrize("setting", ["worst=0", "seed=1"])
 def test_only_what_this_call_made_is_removed(setting: str, folder: Path) -> None:
     """An empty folder stays, a new one goes with those on the way to it, Hydra's own files with it."""
     before = tree(folder)
@@ -83,16 +83,16 @@ def test_a_folder_of_its_own_is_used(folder: Path) -> None:
     """And `latest` beside it, which is somebody else's, is not touched."""
     places = ("empty", "new/a", "mine/sub")
     for where in places:
-        done = here("toy.py", "K=5", f"hydra.run.dir={where}", cwd=folder)
+        done = here("toy.py", "worst=5", f"hydra.run.dir={where}", cwd=folder)
         assert done.returncode == 0 and done.stdout == f"in {folder / where}\n", done.stderr
-        assert (folder / where / "results.txt").is_file() and "K: 5" in (folder / where / "config.yaml").read_text()
+        assert (folder / where / "results.txt").is_file() and "worst: 5" in (folder / where / "config.yaml").read_text()
     assert (folder / "latest").read_text() == "mine" and not list(folder.rglob(".latest*"))
 
 
 @pytest.mark.parametrize("kind", ["folder", "file", "link"])
 def test_latest_that_is_no_link_stays(kind: str, folder: Path) -> None:
     """As after `cp -rL`: the run is kept and told."""
-    place = folder / "outputs/train/latest"
+    place = folder / "outputs/report/latest"
     place.parent.mkdir(parents=True)
     if kind == "folder":
         place.mkdir()
@@ -101,7 +101,7 @@ def test_latest_that_is_no_link_stays(kind: str, folder: Path) -> None:
         place.write_text("x")
     else:
         place.symlink_to("gone")
-    done = here("toy.py", "K=5", cwd=folder)
+    done = here("toy.py", "worst=5", cwd=folder)
     runs = [path for path in place.parent.iterdir() if path.name != "latest"]
     assert done.returncode == 0 and len(runs) == 1 and (runs[0] / "results.txt").is_file()
     if kind == "link":
@@ -115,17 +115,17 @@ def test_brackets_in_the_working_folder_are_printed(folder: Path) -> None:
     place = folder / "x[" / "y] [bold]:smile:\x1b[31m"
     place.mkdir(parents=True)
     (place / "toy.py").write_text(TOY)
-    done = here("toy.py", "K=5", cwd=place)
+    done = here("toy.py", "worst=5", cwd=place)
     assert done.returncode == 0 and done.stderr == ""
     assert "x[/y] [bold]:smile:\\x1b[31m/outputs" in done.stdout
 
 
 def test_a_working_folder_that_cannot_be_used(folder: Path) -> None:
     (folder / "gone").mkdir()
-    code = "import os, sys, runpy; os.chdir('gone'); os.rmdir('../gone'); sys.argv = ['toy.py', 'K=5']\n"
+    code = "import os, sys, runpy; os.chdir('gone'); os.rmdir('../gone'); sys.argv = ['toy.py', 'worst=5']\n"
     code += f"runpy.run_path({str(folder / 'toy.py')!r}, run_name='__main__')"
     done = python("-c", code, cwd=folder)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and "folder" in done.stderr, done.stderr
     (folder / "outputs").write_text("a file")
-    done = here("toy.py", "K=5", cwd=folder)
+    done = here("toy.py", "worst=5", cwd=folder)
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and "outputs" in done.stderr
