@@ -27,7 +27,18 @@ def command_settings(command: str, changes: Mapping[str, Any]) -> dict[str, Any]
 
     Raises InputError for an option that a group has not. Whether keys exist, and values are possible, is for `typed`.
     """
-    own = _read(root() / "conf" / f"{command}.yaml")
+    return _changed(root(), command, changes) if changes else deepcopy(_defaults(root(), command))
+
+
+@cache
+def _defaults(place: Path, command: str) -> dict[str, Any]:
+    """Without changes: a run asks several times what stands for a setting that was not given."""
+    return _changed(place, command, {})
+
+
+def _changed(place: Path, command: str, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """`command_settings`, made anew, of the `conf/` in a place."""
+    own = _read(place / "conf" / f"{command}.yaml")
     groups = _groups(own)
     values: Any = OmegaConf.create({})
     for group, option in groups.items():
