@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import linprog
@@ -164,13 +165,31 @@ def _direction(section: np.ndarray, groups: int) -> np.ndarray:
 
 
 def corners_of(planes: np.ndarray) -> np.ndarray:
-    """Corners (C, 3) of the polytope planes[:, :3] @ p <= planes[:, 3], unit normals."""
-    return HalfspaceIntersection(np.hstack([planes[:, :3], -planes[:, 3:]]), _inside(planes)[:3]).intersections
+    """Corners (C, 3) of the polytope planes[:, :3] @ p <= planes[:, 3], unit normals; not to be written to."""
+    return _corners(np.asarray(planes, np.float64).tobytes())
 
 
 def _inside(planes: np.ndarray) -> np.ndarray:
     """The point (3,) farthest inside of a polytope (Chebyshev centre), and how far, m; below 0 of an empty one."""
+    return _centre(np.asarray(planes, np.float64).tobytes())
+
+
+@lru_cache(1024)
+def _corners(planes: bytes) -> np.ndarray:
+    """`corners_of` the bytes of planes: a hand's pieces are asked for by several, and again by each search."""
+    sides = np.frombuffer(planes).reshape(-1, 4)
+    halves = np.hstack([sides[:, :3], -sides[:, 3:]])
+    corners: np.ndarray = HalfspaceIntersection(halves, _centre(planes)[:3]).intersections
+    corners.setflags(write=False)
+    return corners
+
+
+@lru_cache(1024)
+def _centre(planes: bytes) -> np.ndarray:
+    """`_inside` of the bytes of planes."""
+    sides = np.frombuffer(planes).reshape(-1, 4)
     # Maximise r with normal @ p + r <= offset for every plane.
-    rows = np.hstack([planes[:, :3], np.ones((len(planes), 1))])
-    found: np.ndarray = linprog([0, 0, 0, -1], A_ub=rows, b_ub=planes[:, 3], bounds=[(None, None)] * 4).x
+    rows = np.hstack([sides[:, :3], np.ones((len(sides), 1))])
+    found: np.ndarray = linprog([0, 0, 0, -1], A_ub=rows, b_ub=sides[:, 3], bounds=[(None, None)] * 4).x
+    found.setflags(write=False)
     return found

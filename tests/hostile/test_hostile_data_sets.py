@@ -139,7 +139,7 @@ TEXTS: dict[str, tuple[Callable[[Path], Any], str, bytes, str]] = {
     "isaac with keys that fall on each other": (
         read_isaac,
         "a.yaml",
-        "\n".join(f"{i * BIG}: 0" for i in range(10, 5000)).encode(),
+        "\n".join(f"{i * BIG}: 0" for i in range(10, 20_000)).encode(),
         "a key",
     ),
     "isaac with a tag": (read_isaac, "a.yaml", b"!!python/object/apply:os.getpid []", ""),

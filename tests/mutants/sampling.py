@@ -25,8 +25,8 @@ FAMILIES = (
     {"Is", "IsNot"},
 )
 
-# Without `@compiled` or `@lean` a kernel does the same, slowly; variables are only replaced by name; of exceptions with a dot in
-# their name Cosmic Ray makes nothing.
+# Without `@compiled` or `@lean` a kernel does the same, slowly; variables are only replaced by name; of exceptions with
+# a dot in their name Cosmic Ray makes nothing.
 LEFT_OUT = ("RemoveDecorator", "VariableInserter", "VariableReplacer", "ExceptionReplacer")
 
 
