@@ -6,6 +6,7 @@ from pathlib import Path
 
 from spgf_torch.cli.command import run_command
 from spgf_torch.cli.setting_comments import read_settings
+from spgf_torch.compiled import loops_kept, loops_wanted
 from spgf_torch.extras import needed
 from spgf_torch.files.given_paths import model_and_judge
 from spgf_torch.paths import root
@@ -28,6 +29,9 @@ def run(config: ServeConfig, folder: Path) -> None:
     if not is_own(config.host):
         console.print(f"warning: host={config.host}: whoever reaches this machine there can ask; there is no password")
     reasons = {key.name: key.reason for key in read_settings(root() / "conf/scene/tabletop.yaml").keys}
+
+    if loops_wanted() and not loops_kept():
+        show("compiling inner loops, once on this machine: some half a minute")
 
     def ready() -> None:
         show(f"serving {config.model} at {url(own)}, which {url(own)}/docs describes; Ctrl-C ends it")

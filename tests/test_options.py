@@ -27,6 +27,7 @@ def overrides(command: str, *arguments: str) -> list[str]:
     ("command", "given", "expected"),
     [
         ("predict", "mug.ply --viewpoint 0 0.5 -2", "viewpoints=[0,0.5,-2] input=mug.ply"),
+        ("predict", "--viewpoint 0,0.5,-2 mug.ply", "viewpoints=[0,0.5,-2] input=mug.ply"),
         ("predict", "--viewpoint 0 0 1 --viewpoint 2 0 0 mug.ply", "viewpoints=[[0,0,1],[2,0,0]] input=mug.ply"),
         ("predict", "input=mug.ply --hand panda N=3", "input=mug.ply N=3 model=data/models/panda"),
         ("predict", "input=mug.ply hand=panda", "input=mug.ply model=data/models/panda"),
@@ -93,6 +94,10 @@ def test_text_that_hydra_could_not_read_is_quoted() -> None:
         ("predict", "x --table up", ["--table: expected 4 numbers after it, or find; got up"]),
         ("predict", "x --gravity 0 0 --N 3", ["--gravity: expected 3 numbers after it, or auto; got 0 0"]),
         ("predict", "x --seed 1 --seed 2", ["seed: expected one value, got 1 and 2"]),
+        ("predict", "x --hand panda hand=sdh2", ["hand: expected one value, got panda, and hand=sdh2"]),
+        ("predict", "x --voxel 0.002 voxel=0.01", ["voxel: expected one value, got 0.002, and voxel=0.01"]),
+        ("predict", "x --viewpoint 0 0 1 viewpoints=[9,9,9]", ["viewpoints: expected one value, got [0,0,1], and"]),
+        ("predict", "a.ply input=b.ply", ["input: expected one value, got a.ply, and input=b.ply"]),
         ("train", "--nosuch 3", ["--nosuch: expected an option of train (see --help), got an unknown one"]),
     ],
 )

@@ -73,10 +73,19 @@ def as_overrides(command: str, kind: type, arguments: Sequence[str]) -> list[str
         return [*rest, *files]  # refused as words without a key
     if files:
         given.setdefault(subject, []).extend(files)
+    _check_once(given, rest)
     batch = [f"{BATCH}=true"] if len(files) > 1 and BATCH in known else []
     overrides = [*rest, *(_joined(name, values, known) for name, values in given.items()), *batch]
     sweep = bool({"-m", "--multirun"} & set(rest))
     return _elsewhere(overrides, known, sweep)
+
+
+def _check_once(given: dict[str, list[str]], rest: Sequence[str]) -> None:
+    """InputError for a setting that an option, or a word without a key, gives and `key=value` too."""
+    for word in rest:
+        key, equals, _ = word.partition("=")
+        if equals and (values := given.get(key.lstrip("+"))):
+            raise InputError(f"{key}: expected one value, got {' and '.join(values)}, and {word}")
 
 
 def _of_hydra(word: str) -> int | None:
@@ -106,7 +115,8 @@ def _option(command: str, word: str, words: deque[str], known: dict[str, Any]) -
         return name, ["true"]
     if not words or (words[0].startswith("-") and len(words[0]) > 1 and not is_number(words[0])):
         raise InputError(f"{word}: expected a value after it, got {words[0] if words else 'none'}")
-    values = [words.popleft()]
+    first = words.popleft()
+    values = first.split(",") if name in VECTORS and all(map(is_number, first.split(","))) else [first]
     while is_number(values[0]) and not _is_scalar(known.get(name)) and words and is_number(words[0]):
         values.append(words.popleft())
     if name in VECTORS and not _is_scalar(known.get(name)):

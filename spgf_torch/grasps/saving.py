@@ -20,6 +20,8 @@ def save(
 ) -> list[Path]:
     """Write the formats into a folder, and return the paths; see `Grasps.save`."""
     wanted = chosen(formats)
+    if not isinstance(replace, bool):
+        raise InputError(f"replace: expected True or False, got {replace!r:.40}")
     if PAGE in wanted:
         if grasps.source is None:
             raise InputError("formats: expected grasps that a model predicted for a page, got some without their scene")

@@ -16,6 +16,9 @@ from spgf_torch.scene.cloud import Cloud, check_count
 from spgf_torch.scene.text_columns import MOST_COLUMNS, Layout, layout_by_values, named_layout, plain_name
 
 TEXT = (".xyz", ".xyzn", ".xyzrgb", ".txt", ".csv", ".tsv", ".asc", ".pts")
+# Six columns without names in such a file are points and colours.
+COLOURED = ".xyzrgb"
+COLOURS = Layout(colours=(3, 4, 5), notes=("columns 4 to 6 taken for colours",))
 _COMMENTS = ("#", "//")
 _LONGEST_LINE = 1 << 16
 _SAMPLE = 50  # rows from which the layout is found
@@ -60,7 +63,8 @@ def read_table(path: Path, limit: int) -> tuple[Cloud, str | None]:
         raise InputError(f"{path}: expected {form.said} rows as its first line says, got {len(table)}")
     if layout is None:
         table = _without_empty_end(table)
-        layout = layout_by_values(str(path), table, intensity=form.said is not None)
+        shown = path.suffix.lower() == COLOURED and table.shape[1] == 6
+        layout = COLOURS if shown else layout_by_values(str(path), table, intensity=form.said is not None)
     notes = (*layout.notes, *(("decimal commas read as points",) if form.comma else ()))
     normals = None if layout.normals is None else table[:, layout.normals]
     cloud = Cloud(table[:, layout.points], normals, None, str(path), notes=notes, colours=layout.colours_of(table))

@@ -96,7 +96,9 @@ def layout_by_values(name: str, table: np.ndarray, intensity: bool = False) -> L
     if count == 4 and intensity:
         return Layout(notes=("column 4 taken for an intensity",))
     if count == 6 and not _colours(table[:, 3:]):
-        return Layout(normals=(3, 4, 5))  # whose length is checked with the cloud
+        bare = _unit_length(table[:, 3:]) and bool((table[:, 3:] >= 0).all())
+        doubt = "warning: columns 4 to 6 taken for normals; if they are colours, a first line x y z r g b says so"
+        return Layout(normals=(3, 4, 5), notes=(doubt,) if bare else ())  # whose length is checked with the cloud
     starts = range(3, min(count, _MOST_UNNAMED + 1) - 2) if count <= _MOST_UNNAMED else range(0)
     units = [start for start in starts if _unit_length(table[:, start : start + 3])]
     colours = [start for start in starts if _colours(table[:, start : start + 3])]

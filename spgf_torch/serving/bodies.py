@@ -159,6 +159,8 @@ async def _take(upload: UploadFile, key: str, job: Job) -> None:
     with path.open("wb") as stream:
         while chunk := await upload.read(1 << 20):
             stream.write(chunk)
+    if not path.stat().st_size:
+        raise InputError(f"{key}: expected a file with something in it, got {called(upload.filename, 'one')}, empty")
     suffix = suffix_of((upload.content_type or "").partition(";")[0].strip().lower(), upload.filename, path)
     names.append(f"{key}{f'_{len(names) + 1}' if names else ''}{suffix}")
     path.rename(folder / names[-1])

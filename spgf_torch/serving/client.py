@@ -45,10 +45,15 @@ class Client:
     """Asks a server for grasps.
 
     Args:
-        url: where it is. timeout: s to wait for an answer.
+        url: where it is, http://HOST:PORT. timeout: s to wait for an answer.
+
+    Raises:
+        ValueError: another kind of url.
     """
 
     def __init__(self, url: str = URL, timeout: float = 60.0) -> None:
+        if not isinstance(url, str) or not url.startswith(("http://", "https://")):
+            raise ValueError(f"url: expected http://HOST:PORT, got {url!r:.60}")
         self.url, self.timeout = url.rstrip("/"), timeout
 
     def grasps(
@@ -289,11 +294,11 @@ def main() -> int:
         epilog="--KEY VALUE: settings of the scene, such as --viewpoint 0 0 0 --table find.",
         allow_abbrev=False,
     )
-    parser.add_argument("--url", default=URL)
+    parser.add_argument("--url", default=URL, help="of the server, %(default)s without")
     parser.add_argument("--timeout", type=float, default=60.0, metavar="S", help="s to wait for the answer")
     known, rest = parser.parse_known_args()
-    client = Client(known.url, known.timeout)
     try:
+        client = Client(known.url, known.timeout)
         files, settings = _asked_for(rest)
         answer = client.grasps(file=files, **settings) if files else client.health()
     except ServeError as error:
@@ -301,7 +306,10 @@ def main() -> int:
         return 2 if error.status is not None and 400 <= error.status < 500 else 1
     except ValueError as error:
         parser.error(str(error))
-    print(json.dumps(answer))
+    try:
+        print(json.dumps(answer), flush=True)
+    except BrokenPipeError:  # whoever reads has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
 
 

@@ -147,7 +147,7 @@ def _answer(job: Job, state: _Loaded) -> Answer:
     values: dict[str, Any] = {}
     if job.arrays:
         values, more = _json_parts(Path(job.folder) / job.files["input"][0])
-        if twice := sorted(more.keys() & settings.keys()):
+        if twice := sorted((more.keys() | values.keys()) & settings.keys()):
             raise InputError(f"{twice[0]}: expected one value, got one in the address and one in the body")
         settings |= more
         kind = "points" if "points" in values else "depth"
@@ -220,13 +220,15 @@ def _json_parts(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         raise InputError(
             f"body: expected a JSON object with points, or with depth and K; got {' and '.join(kinds) or 'neither'}"
         )
-    arrays, settings = {}, {}
+    arrays: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     for given, value in values.items():
         key = WORDS.get(given, given)
-        if key in ARRAYS[kinds[0]]:
-            arrays[key] = value
-        else:
-            settings[named(given)] = value
+        if key not in ARRAYS[kinds[0]]:
+            key = named(given)
+        if key in arrays or key in settings:
+            raise InputError(f"{given}: expected one value, got several")
+        (arrays if key in ARRAYS[kinds[0]] else settings)[key] = value
     return arrays, settings
 
 

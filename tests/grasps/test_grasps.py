@@ -145,6 +145,8 @@ def test_what_was_saved_stays_unless_it_is_to_be_replaced(tmp_path: Path) -> Non
         grasps.save(tmp_path, ["glb", "json"])
     assert (tmp_path / "grasps.json").read_bytes() == before and not (tmp_path / "grasps.glb").exists()
     grasps.save(tmp_path, "glb")
+    with pytest.raises(InputError, match="replace: expected True or False, got 'no'"):
+        grasps.save(tmp_path, replace="no")
     written = [path.name for path in grasps.save(tmp_path, replace=True)]
     assert written == [name for each, names in NAMES.items() if each != "page" for name in names]
     assert len(json.loads((tmp_path / "grasps.json").read_text())["grasps"]) == 3

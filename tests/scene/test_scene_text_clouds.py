@@ -98,6 +98,22 @@ def test_colours_of_columns_that_are_clearly_some(content: str, note: str | None
     assert cloud.notes == (() if note is None else (note,))
 
 
+@pytest.mark.parametrize(("name", "coloured"), [("a.xyz", False), ("a.xyzrgb", True)])
+def test_red_points_are_no_normals_in_silence(name: str, coloured: bool, tmp_path: Path) -> None:
+    """A pure colour has length 1: what the file's name does not tell is told as a doubt; normals of a body are not."""
+    red = np.tile([1.0, 0.0, 0.0], (len(P), 1))
+    (tmp_path / name).write_text(rows(P, red))
+    cloud = read_cloud(tmp_path / name, LIMIT)
+    if coloured:
+        np.testing.assert_array_equal(cloud.colours, 255 * red)
+    assert (cloud.normals is None) == coloured
+    assert cloud.notes[0].startswith(
+        "columns 4 to 6 taken for colours" if coloured else "warning: columns 4 to 6 taken"
+    )
+    (tmp_path / "b.xyz").write_text(rows(P, N))
+    assert read_cloud(tmp_path / "b.xyz", LIMIT).notes == ()
+
+
 def test_colours_that_may_be_something_else_are_left_out(tmp_path: Path) -> None:
     """With a column of opacity two places may be colours; words and numbers above 255 are none. Points stay."""
     for content in (

@@ -131,6 +131,7 @@ def test_its_command_takes_rows_of_numbers_as_the_package_does(
         ("a.ply --points x", 2, "client: --points: expected files as words"),
         ("gone.ply", 2, "client: gone.ply: expected a file, got No such file or directory"),
         ("a.ply --timeout soon", 2, "client: argument --timeout: invalid float value: 'soon'"),
+        ("--url 127.0.0.1:8000", 2, "client: url: expected http://HOST:PORT, got '127.0.0.1:8000'"),
         ("--url http://127.0.0.1:9", 1, "client: http://127.0.0.1:9: expected an answer of spgf serve"),
     ],
 )

@@ -190,6 +190,18 @@ def hostile() -> list[tuple[str, bytes, str, str]]:
         ("huge", b'{"points": [[1e999, 0, 0], [0, 0, 0], [1, 2, 3]]}', "", "points: expected"),
         ("key", b'{"points": [[1, 2, 3]], "mask": "/etc/passwd"}', "", "mask: expected"),
         ("file", b'{"points": [[1, 2, 3]], "poses": "/etc/passwd"}', "", "poses: expected a file in the request"),
+        (
+            "twice",
+            b'{"points": [[1, 2, 3]], "viewpoint": [0, 0, 0]}',
+            "?viewpoint=9,9,9",
+            "viewpoints: expected one value, got one in the address and one in the body",
+        ),
+        (
+            "both",
+            b'{"points": [[1, 2, 3]], "viewpoint": [0, 0, 0], "viewpoints": [[9, 9, 9]]}',
+            "",
+            "viewpoints: expected one value, got several",
+        ),
         ("environment", npy(points), "?table=${oc.env:PATH}", "table: expected a plain value"),
         ("many", npy(np.ones((200_001, 3), np.float16)), "", "body: expected at most 200000 points (max_points)"),
         ("more", npy(points), "?max_points=300000", "max_points: expected a whole number up to 200000, got 300000"),

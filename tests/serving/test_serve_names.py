@@ -8,6 +8,7 @@ import pytest
 from serving_machines import settings
 from starlette.requests import Request
 
+from spgf_torch.errors import InputError
 from spgf_torch.serving.bodies import LONGEST_NAME, Job, called, job_of
 from spgf_torch.serving.predicting import _as_called
 
@@ -52,3 +53,11 @@ def test_a_body_is_called_so(tmp_path: Path) -> None:
     got = job(tmp_path, b'{"points": [[0, 0, 0]]}', "application/json")
     assert got.arrays and (tmp_path / "input.json").is_file()
     assert _as_called(f"{tmp_path}/input.json: expected", got) == "body: expected"
+
+
+def test_a_part_without_a_byte_is_told_by_its_key(tmp_path: Path) -> None:
+    """As a page's form sends a field that nobody filled in."""
+    part = '--m\r\nContent-Disposition: form-data; name="{}"; filename="{}"\r\n\r\n{}\r\n'
+    body = part.format("input", "mug.ply", "ply") + part.format("intrinsics", "", "")
+    with pytest.raises(InputError, match="intrinsics: expected a file with something in it, got one, empty"):
+        job(tmp_path, f"{body}--m--\r\n".encode(), "multipart/form-data; boundary=m")
