@@ -57,7 +57,7 @@ def push(T: Floats, where: Floats, possible: Bools, back: int, things: Things, v
                     continue
                 free = possible[f, k, p] and _free_at(hands, k, p, things, volumes, near)
                 kept[f, k, p] = free
-                if found:
+                if found or (free and back == 0):
                     break
                 found, asked = free, k + (back if free else 1)
 

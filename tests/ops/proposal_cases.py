@@ -107,6 +107,7 @@ def deepest_free() -> list[Case]:
     least = [points[0][:0], points[1], points[2][:0]]
     asked = [
         (T, where, possible, 2, points),
+        (T, where, possible, 0, points),
         (T, where, possible, 1, least),
         (T[:0], where[:0], possible[:0], 2, points),
     ]
