@@ -134,6 +134,7 @@ def test_grasps_of_a_model_save_and_show_their_page(tmp_path: Path, monkeypatch:
     model, opened = by_judge(), list[str]()
     monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) or True)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr("time.strftime", lambda *_: "2026-11-30 00:00")  # the pages may be of two minutes
     T = np.eye(4)
     T[0, 3] = 1.0
     grasps = model.predict(block(model.sensing.spacing), top=1, plane=np.array([0.0, 0.0, 1.0, 0.3]))
