@@ -83,7 +83,11 @@ function run() {
     if (playing !== number) return;
     slider.value = Math.min(end, from + (1000 * Math.max(0, now - began)) / PLAYED);
     move();
-    if (slider.value >= end - 1) return stop();
+    if (slider.value >= end - 1) {  // a frame may come just before the end
+      slider.value = end;
+      move();
+      return stop();
+    }
     requestAnimationFrame(frame);
   })(began);
 }
