@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from spgf_torch.predictor import Predictor
     from spgf_torch.scene.scene import Scene
 
-# Bytes of input from which compiled loops are worth half a minute. Without them a cloud of 12,000 points (0.3 MB) takes
-# 2 s longer, one of 100,000 (2.4 MB) some 35 s.
+# Bytes of input from which compiled loops are worth half a minute: a cloud of 12,000 points has 0.3 MB, one of 100,000
+# 2.4 MB (`SPGF_OPS=torch` with tests/benchmarks/prediction.py, and without).
 _LOOPS_FROM = 2_000_000
 
 
